@@ -1,0 +1,1 @@
+"""How long the tool stays: removal operators, bounds from the machine, solvers."""

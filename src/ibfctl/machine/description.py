@@ -1,0 +1,129 @@
+"""The machine file: TOML, validated, unknown keys refused.
+
+Machine limits come from this file alone, never from an environment variable: a limit that
+depends on a shell's state is no limit.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ibfctl.errors import InputError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+AxisLetter = Literal["A", "B", "C", "D", "E", "F", "G", "H"]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Axis(_Section):
+    """One stage: which coordinate it moves, its scale, its travel and its limits."""
+
+    coordinate: Literal["x", "y"]
+    counts_per_mm: Positive
+    direction: Literal[1, -1] = 1
+    travel_min_mm: Finite
+    travel_max_mm: Finite
+    v_max_mm_s: Positive
+    a_max_mm_s2: Positive
+
+    @model_validator(mode="after")
+    def _travel_is_a_range(self) -> Self:
+        if self.travel_min_mm >= self.travel_max_mm:
+            raise ValueError("travel_min_mm must be smaller than travel_max_mm")
+        return self
+
+    @property
+    def signed_counts_per_mm(self) -> float:
+        """Counts per mm of the coordinate, negative where the axis counts against it."""
+        return self.direction * self.counts_per_mm
+
+
+class Servo(_Section):
+    """How the controller is set up before a run."""
+
+    error_limit_counts: Annotated[int, Field(ge=1, le=2_147_483_647)] = 16384
+    off_on_error: Literal[0, 1, 2, 3] = 1
+    position_tolerance_counts: Annotated[int, Field(ge=0)] = 20
+    approach_speed_mm_s: Positive = 20.0
+    approach_acceleration_mm_s2: Positive = 200.0
+    settle_timeout_s: Positive = 120.0
+
+
+class BeamGate(_Section):
+    """The digital output that opens the beam, and its sense."""
+
+    output: Annotated[int, Field(ge=1, le=80)]
+    open_when: Literal["set", "clear"] = "set"
+
+
+class Connection(_Section):
+    """Where the controller listens, and how long a reply may take."""
+
+    driver: str = "galil"
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=1, le=65535)] = 23
+    timeout_s: Positive = 2.0
+
+
+class MachineDescription(_Section):
+    """A whole machine file."""
+
+    name: str
+    sample_period_s: Positive = 1 / 1024
+    axes: dict[AxisLetter, Axis]
+    servo: Servo = Servo()
+    beam_gate: BeamGate
+    connection: Connection = Connection()
+
+    @model_validator(mode="after")
+    def _one_axis_per_coordinate(self) -> Self:
+        if sorted(axis.coordinate for axis in self.axes.values()) != ["x", "y"]:
+            raise ValueError("axes must hold exactly one axis for x and one for y")
+        return self
+
+    def letter_of(self, coordinate: str) -> str:
+        """Return the letter of the axis that moves `coordinate`."""
+        return next(letter for letter, axis in self.axes.items() if axis.coordinate == coordinate)
+
+    def axis_of(self, coordinate: str) -> Axis:
+        """Return the axis that moves `coordinate` ("x" or "y")."""
+        return next(axis for axis in self.axes.values() if axis.coordinate == coordinate)
+
+
+def read_machine(path: Path) -> MachineDescription:
+    """Read and validate a machine file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is no TOML, or holds a key or value that is not allowed.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"machine file {path}: cannot be read ({error})", "check the path given to --machine") from error
+    return parse_machine(text, str(path))
+
+
+def parse_machine(text: str, where: str) -> MachineDescription:
+    """Validate the text of a machine file; `where` names it in messages."""
+    try:
+        return MachineDescription.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"machine file {where}: not valid TOML ({error})", "correct the line named") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "top level"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise InputError(
+            f"machine file {where}: {place}: {first['msg']}{more}",
+            "correct the key; docs/machine-file.md lists all keys with their units",
+        ) from error

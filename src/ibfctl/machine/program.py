@@ -1,0 +1,79 @@
+"""What the controller is given: integers, one row per segment and axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+IntArray = NDArray[np.int64]
+
+MAX_SEGMENT_SAMPLES = 2048
+MAX_INCREMENT_COUNTS = 44_000_000
+MAX_VELOCITY_COUNTS_S = 22_000_000
+
+
+@dataclass(frozen=True)
+class AxisProgram:
+    """One axis of a PVT program.
+
+    Attributes
+    ----------
+    increment_counts : (n,) int64
+        Move of each segment relative to the end of the one before.
+    end_velocity_counts_s : (n,) int64
+        Velocity at the end of each segment; the start velocity is inherited, zero at first.
+    start_counts : int
+        Absolute position from which the first segment starts.
+    counts_per_mm : float
+        Signed: negative where the axis counts against its coordinate.
+    """
+
+    increment_counts: IntArray
+    end_velocity_counts_s: IntArray
+    start_counts: int
+    counts_per_mm: float
+
+    @property
+    def start_mm(self) -> float:
+        """Position of the start on the count grid, in mm."""
+        return self.start_counts / self.counts_per_mm
+
+    @property
+    def end_counts(self) -> int:
+        """Absolute position at the end of the last segment."""
+        return self.start_counts + int(self.increment_counts.sum())
+
+
+@dataclass(frozen=True)
+class PvtProgram:
+    """A quantised PVT program; all axes share the times of their segments.
+
+    Attributes
+    ----------
+    axes : mapping of axis letter to AxisProgram
+    coordinates : mapping of coordinate ("x", "y") to axis letter
+    time_samples : (n,) int64
+        Duration of each segment, even, 2 to 2048 samples.
+    sample_period_s : float
+        Length of one controller sample; 1/1024 s at Galil's default TM 1000.
+    """
+
+    axes: Mapping[str, AxisProgram]
+    coordinates: Mapping[str, str]
+    time_samples: IntArray
+    sample_period_s: float
+
+    def __len__(self) -> int:
+        return int(self.time_samples.size)
+
+    @property
+    def total_time_s(self) -> float:
+        """Duration from the first sample to rest at the end."""
+        return float(self.time_samples.sum() * self.sample_period_s)
+
+    def axis_of(self, coordinate: str) -> AxisProgram:
+        """Return the axis program that moves `coordinate` ("x" or "y")."""
+        return self.axes[self.coordinates[coordinate]]

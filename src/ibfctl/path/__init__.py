@@ -1,0 +1,1 @@
+"""Where the tool goes: nodes in order, dwell points between them."""

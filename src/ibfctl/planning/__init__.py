@@ -1,0 +1,1 @@
+"""The planner that joins surface, path, dwell and schedule; the plan file."""

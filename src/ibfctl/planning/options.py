@@ -1,0 +1,44 @@
+"""What the user may choose about a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ibfctl.surface.map import Rectangle
+
+Removed = Literal["none", "piston", "tilt"]
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """Choices for one plan; the defaults work for an ordinary part.
+
+    Attributes
+    ----------
+    path
+        "raster", or a CSV file of nodes (`x_mm,y_mm`).
+    pitch_mm, step_mm
+        Distance between lines and between nodes along a line.
+    scan_axis
+        Axis along which the raster's lines run.
+    clear_aperture
+        Where the residual counts; None for the whole valid map.
+    remove
+        Terms that are free in what was measured, and hence in the plan and its figures: nothing,
+        piston, or piston and tilt.
+    dwell_min_s
+        Lower bound on every dwell time, above what the machine's limits ask for; None for the machine's own.
+    corridor_mm
+        How far the executed path may leave its programmed segment; None for 5 % of the pitch.
+    """
+
+    path: Literal["raster"] | Path = "raster"
+    pitch_mm: float = 0.5
+    step_mm: float = 0.5
+    scan_axis: Literal["x", "y"] = "x"
+    clear_aperture: Rectangle | None = None
+    remove: Removed = "tilt"
+    dwell_min_s: float | None = None
+    corridor_mm: float | None = None
