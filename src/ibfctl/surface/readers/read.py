@@ -1,0 +1,145 @@
+"""Choose the reader by the file's suffix, and check what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from ibfctl.errors import InputError
+from ibfctl.surface.influence import InfluenceFunction
+from ibfctl.surface.map import SurfaceMap
+from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX, read_gaussian
+from ibfctl.surface.readers.quantity import HEIGHT, RATE, Quantity
+from ibfctl.surface.readers.table import Table
+
+MAP_SUFFIXES = (".npz", ".mat", ".csv", ".xyz", ".txt")
+
+
+def read_map(
+    spec: str | Path,
+    *,
+    pixel_mm: float | None = None,
+    height_unit: str | None = None,
+    array: str | None = None,
+) -> SurfaceMap:
+    """Read a surface map.
+
+    Parameters
+    ----------
+    spec
+        A file: .npz, .mat, .csv, .xyz or .txt.
+    pixel_mm, height_unit
+        What the file does not say; given although the file says it, they must agree.
+    array
+        Array of a .mat file to read instead of `Z_to_remove` or `Z`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, lacks a unit, mixes units, or holds no map.
+    """
+    path = Path(spec)
+    table = _read(path, HEIGHT, pixel_mm, height_unit, array)
+    if table.x0_mm is None or table.y0_mm is None:
+        with _named(path):
+            return SurfaceMap.centred(table.values, table.pixel_mm)
+    with _named(path):
+        return SurfaceMap(table.values, table.pixel_mm, table.x0_mm, table.y0_mm)
+
+
+def read_influence(
+    spec: str | Path, *, pixel_mm: float | None = None, rate_unit: str | None = None, array: str | None = None
+) -> InfluenceFunction:
+    """Read a tool influence function from a file, or make one from `gaussian:...`.
+
+    Parameters
+    ----------
+    spec
+        A file, or `gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..`.
+    pixel_mm, rate_unit
+        What the file does not say; given although the file says it, they must agree. For a formula
+        `pixel_mm` is the pitch on which it is sampled.
+    array
+        Array of a .mat file to read instead of `Z`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, lacks a unit, mixes units, or holds no influence function.
+    """
+    if str(spec).startswith(GAUSSIAN_PREFIX):
+        return read_gaussian(str(spec), pixel_mm)
+    path = Path(spec)
+    table = _read(path, RATE, pixel_mm, rate_unit, array)
+    if table.x0_mm is not None and table.y0_mm is not None:
+        ny, nx = table.values.shape
+        off_x = table.x0_mm / table.pixel_mm + 0.5 * (nx - 1)
+        off_y = table.y0_mm / table.pixel_mm + 0.5 * (ny - 1)
+        if max(abs(off_x), abs(off_y)) > 0.5:
+            raise InputError(
+                f"influence function {path}: its centre is at x {off_x * table.pixel_mm:.4g} mm, "
+                f"y {off_y * table.pixel_mm:.4g} mm, not at the origin",
+                "shift or crop the table so that the tool's centre is at 0, 0 in its middle",
+            )
+    with _named(path):
+        return InfluenceFunction(table.values, table.pixel_mm)
+
+
+def _read(
+    path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | None, array: str | None
+) -> Table:
+    suffix = path.suffix.lower()
+    if suffix not in MAP_SUFFIXES:
+        raise InputError(
+            f"{quantity.what} {path}: unknown kind of file {suffix or 'without suffix'!r}",
+            f"give one of {', '.join(MAP_SUFFIXES)}",
+        )
+    if array is not None and suffix != ".mat":
+        raise InputError(
+            f"{quantity.what} {path}: only .mat files hold arrays to choose from", "leave the option out"
+        )
+    try:
+        with path.open("rb"):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{quantity.what} {path}: cannot be read ({error.strerror})", "check the path"
+        ) from error
+    # The readers are imported here because scipy.io alone takes a quarter of a second to load.
+    if suffix == ".npz":
+        from ibfctl.surface.readers.npz import read_npz
+
+        table = read_npz(path, quantity, pixel_mm, unit)
+    elif suffix == ".mat":
+        from ibfctl.surface.readers.mat import read_mat
+
+        table = read_mat(path, quantity, pixel_mm, unit, array)
+    else:
+        from ibfctl.surface.readers.xyz import read_xyz
+
+        table = read_xyz(path, quantity, pixel_mm, unit)
+    _refuse_implausible(table, quantity, path)
+    return table
+
+
+def _refuse_implausible(table: Table, quantity: Quantity, path: Path) -> None:
+    valid = table.values[np.isfinite(table.values)]
+    span = float(np.ptp(valid)) if valid.size else 0.0
+    if span > quantity.largest:
+        raise InputError(
+            f"{quantity.what} {path}: spans {span:.3g} {quantity.example.removeprefix(quantity.stem + '_')}, "
+            "which no finishing job does",
+            f"the units are probably mixed up: check the file and {quantity.unit_option}",
+        )
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Name the file in what the map or the influence function itself refuses."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error.message}", error.hint) from error
