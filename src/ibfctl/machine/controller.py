@@ -82,13 +82,21 @@ class MotionController(Protocol):
         """Empty the PVT buffers of all axes of the job."""
 
     def queue_segments(self, program: PvtProgram, first: int, last: int) -> None:
-        """Send segments `first` to `last` (exclusive) of every axis and check every prompt."""
+        """Send segments `first` to `last` (exclusive) of every axis and check every prompt.
+
+        There must be room for all of them by the last `buffer_status`. If one is refused, the gate is
+        closed before the reason is asked for, because what the buffers hold is no longer the plan.
+        """
 
     def queue_end(self) -> None:
         """Send the end marker to every axis."""
 
     def begin_segments(self) -> None:
-        """Start all axes of the job on the same sample."""
+        """Open the beam gate and start all axes of the job on the same sample, as one act.
+
+        The gate is opened nowhere else. Both commands travel in one packet, so that the beam stands
+        still for no round trip; the gate is read back, and closed again if the axes were not started.
+        """
 
     def buffer_status(self) -> BufferStatus:
         """Poll what the streamer needs, in as few round trips as the protocol allows."""
@@ -96,11 +104,11 @@ class MotionController(Protocol):
     def status(self) -> Mapping[str, AxisStatus]:
         """Full status of every axis of the job, by axis letter."""
 
-    def open_gate(self) -> None:
-        """Switch the beam gate output to open and verify it by reading it back."""
-
     def close_gate(self) -> None:
-        """Switch the beam gate output to closed; tries a fresh handle where the usual one is dead."""
+        """Switch the beam gate output to closed and read it back, from any thread.
+
+        It has a handle of its own and tries fresh ones where that is dead.
+        """
 
     def gate_is_open(self) -> bool:
         """Read the gate output back from the controller."""
@@ -109,7 +117,10 @@ class MotionController(Protocol):
         """Decelerate all axes of the job to rest (controlled stop)."""
 
     def abort(self) -> None:
-        """Stop all motion without deceleration, on its own handle, callable from any thread at any time."""
+        """Close the gate and stop all motion without deceleration, in this order, in one packet.
+
+        Callable from any thread at any time: it has its own handle and waits for no lock and no queue.
+        """
 
     def close(self) -> None:
         """Close all handles. Never raises."""

@@ -1,0 +1,154 @@
+"""Galil's words: the text of commands, and what may be believed of a reply.
+
+Every range is checked here, before anything reaches the wire.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.errors import ControllerError, LimitsError
+from ibfctl.machine.program import (
+    MAX_INCREMENT_COUNTS,
+    MAX_SEGMENT_SAMPLES,
+    MAX_VELOCITY_COUNTS_S,
+    IntArray,
+    PvtProgram,
+)
+
+PVT_PLACES = 255
+MAX_SPEED_COUNTS_S = 22_000_000
+MAX_ACCELERATION_COUNTS_S2 = 1_073_740_800
+ACCELERATION_STEP_COUNTS_S2 = 1024
+IDENTIFY = "\x12\x16"
+
+_NUMBER = re.compile(r"-?\d{1,10}(\.\d+)?")
+_MODEL = re.compile(r"DMC(?P<model>\d{4,5})\S*\s+Rev\s+(?P<firmware>\d+\.\d+\w*)")
+_FIRMWARE = re.compile(r"(\d+)\.(\d+)([a-z]*)")
+_FIRST_FIRMWARE_WITH_PVT = {"40": (1, 2, "i"), "41": (1, 2, "f")}
+
+
+@dataclass(frozen=True)
+class Model:
+    """What the identity text says: model number, firmware revision and number of axes."""
+
+    number: str
+    firmware: str
+    axes: int
+
+
+def parse_identity(text: str) -> Model:
+    """Read the text that ``^R^V`` answers, such as ``DMC4020 Rev 1.3a``.
+
+    Raises
+    ------
+    ControllerError
+        If the text names no Galil controller, or one whose firmware has no PVT mode.
+    """
+    match = _MODEL.match(text)
+    if match is None:
+        raise ControllerError(f"{text!r} is no Galil controller", "check host and port in the machine file")
+    if "-FAST" in text.upper():
+        raise ControllerError(f"controller {text!r}: -FAST has no PVT mode", "load standard firmware")
+    number, firmware = match["model"], match["firmware"]
+    needed = _FIRST_FIRMWARE_WITH_PVT.get(number[:2])
+    if number[:2] == "21" or (needed is not None and _revision(firmware) < needed):
+        raise ControllerError(f"controller {text!r} has no PVT mode", "update its firmware")
+    return Model(number, firmware, int(number[-2]))
+
+
+def _revision(firmware: str) -> tuple[int, int, str]:
+    match = _FIRMWARE.match(firmware.lower())
+    assert match is not None  # _MODEL has seen the same digits
+    return int(match[1]), int(match[2]), match[3]
+
+
+def parse_numbers(text: str, count: int, what: str) -> list[float]:
+    """Read exactly `count` numbers, separated by blanks or commas, as `MG` and `TP` answer them.
+
+    Raises
+    ------
+    ControllerError
+        If there are more or fewer, or one of them is no number.
+    """
+    fields = re.split(r"\s*,\s*|\s+", text.strip())
+    if len(fields) != count or not all(map(_NUMBER.fullmatch, fields)):
+        raise ControllerError(
+            f"controller answered {text[:60]!r} to {what!r} where {count} numbers belong",
+            "check that no other program uses this handle, then connect again",
+        )
+    return [float(field) for field in fields]
+
+
+def parse_integers(text: str, count: int, what: str) -> list[int]:
+    """Read exactly `count` whole numbers; raises `ControllerError` as `parse_numbers`."""
+    numbers = parse_numbers(text, count, what)
+    if not all(number.is_integer() for number in numbers):
+        raise ControllerError(f"controller answered {text[:60]!r} to {what!r} where whole numbers belong")
+    return [int(number) for number in numbers]
+
+
+def message_of(operands: Iterable[str]) -> str:
+    """Return the command that asks for the values of `operands` in one round trip."""
+    return "MG " + ",".join(operands)
+
+
+def _check_range(program: PvtProgram, first: int, last: int) -> None:
+    times = program.time_samples[first:last]
+    odd = (times < 2) | (times > MAX_SEGMENT_SAMPLES) | (times % 2 != 0)
+    _refuse_where(odd, times, first, "time", "samples")
+    for letter, axis in program.axes.items():
+        moves, speeds = axis.increment_counts[first:last], axis.end_velocity_counts_s[first:last]
+        _refuse_where(np.abs(moves) > MAX_INCREMENT_COUNTS, moves, first, f"axis {letter} move", "counts")
+        _refuse_where(np.abs(speeds) > MAX_VELOCITY_COUNTS_S, speeds, first, f"axis {letter} speed", "counts/s")
+
+
+def _refuse_where(bad: NDArray[np.bool_], values: IntArray, first: int, what: str, unit: str) -> None:
+    if bad.any():
+        place = int(np.argmax(bad))
+        raise LimitsError(
+            f"segment {first + place}: {what} of {int(values[place])} {unit} is outside the range",
+            f"allowed: time even, 2 to {MAX_SEGMENT_SAMPLES}; move up to {MAX_INCREMENT_COUNTS}; "
+            f"velocity up to {MAX_VELOCITY_COUNTS_S}; plan the job again",
+        )
+
+
+def segment_lines(program: PvtProgram, first: int, last: int) -> list[bytes]:
+    """Return one complete ``PV`` line per axis and segment, the axes of a segment side by side.
+
+    Raises
+    ------
+    LimitsError
+        If a number is beyond the controller's range; it names axis, segment and number.
+    """
+    _check_range(program, first, last)
+    times = program.time_samples[first:last].tolist()
+    columns = [
+        [
+            b"PV%c=%d,%d,%d\r" % (ord(letter), move, velocity, time)
+            for move, velocity, time in zip(
+                axis.increment_counts[first:last].tolist(),
+                axis.end_velocity_counts_s[first:last].tolist(),
+                times,
+                strict=True,
+            )
+        ]
+        for letter, axis in program.axes.items()
+    ]
+    return [line for row in zip(*columns, strict=True) for line in row]
+
+
+def acceleration(counts_s2: float) -> int:
+    """Return the nearest acceleration that the controller can represent and that is not greater."""
+    whole = int(counts_s2) // ACCELERATION_STEP_COUNTS_S2 * ACCELERATION_STEP_COUNTS_S2
+    return min(max(whole, ACCELERATION_STEP_COUNTS_S2), MAX_ACCELERATION_COUNTS_S2)
+
+
+def speed(counts_s: float) -> int:
+    """Return the nearest even speed that is not greater and that the controller can represent."""
+    return min(max(int(counts_s) // 2 * 2, 2), MAX_SPEED_COUNTS_S)

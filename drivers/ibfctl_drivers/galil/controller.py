@@ -1,0 +1,276 @@
+"""The product's port on a Galil controller, over four handles: stream, status, gate and abort."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping
+
+from ibfctl.errors import ControllerError, LinkError
+from ibfctl.machine.controller import AxisStatus, BufferStatus, ControllerIdentity
+from ibfctl.machine.description import Axis, MachineDescription
+from ibfctl.machine.program import PvtProgram
+from ibfctl_drivers.galil import codec
+from ibfctl_drivers.galil.clock import sample_period_s
+from ibfctl_drivers.galil.gate import GateOutput
+from ibfctl_drivers.galil.link import Link, RejectedError
+from ibfctl_drivers.galil.transport import TcpTransport
+
+POLL_S = 0.005
+STOPPED_AT_TARGET = 1
+
+_log = logging.getLogger(__name__)
+
+
+def connect(machine: MachineDescription) -> GalilController:
+    """Connect to the controller that the machine file names.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be reached or does not speak the protocol.
+    """
+    controller = GalilController(machine)
+    try:
+        controller.greet()
+    except BaseException:
+        controller.close()
+        raise
+    return controller
+
+
+class GalilController:
+    """A connected Galil controller; see `ibfctl.machine.controller.MotionController` for the contract.
+
+    The handles are opened in the order stream, status, gate, abort. PV lines and begin use the stream
+    handle, questions and all else the status handle; the gate and abort have theirs to themselves.
+    """
+
+    buffer_places = codec.PVT_PLACES
+
+    def __init__(self, machine: MachineDescription) -> None:
+        self._machine = machine
+        self._axes: dict[str, Axis] = dict(machine.axes)
+        self._letters = "".join(sorted(machine.axes))
+        self._free = dict.fromkeys(self._letters, 0)
+        self._closed = False
+        self._links: list[Link] = []
+        try:
+            self._stream = self._open("stream")
+            self._status = self._open("status")
+            self._gate = GateOutput(machine.beam_gate, lambda: self._open("gate"))
+            self._abort = self._open("abort")
+        except BaseException:
+            self.close()
+            raise
+
+    def greet(self) -> None:
+        """Have unsolicited text marked on every handle, and clear an error latched by an earlier client."""
+        for link in self._links:
+            link.request("CW 1")
+        latched = self._status.request("TC1")
+        if not latched.startswith("0"):
+            _log.info("error latched before this connection: %s", latched)
+
+    def identify(self) -> ControllerIdentity:
+        """Ask who answers, and prove by asking that every axis of the job has a PVT buffer."""
+        text = self._status.request(codec.IDENTIFY)
+        model = codec.parse_identity(text)
+        last = ord(self._letters[-1]) - ord("A") + 1
+        if last > model.axes:
+            raise ControllerError(
+                f"controller {text!r} has {model.axes} axes, the machine file uses axis {self._letters[-1]}",
+                "correct the axis letters in the machine file",
+            )
+        places = self._ask([f"_PV{letter}" for letter in self._letters])
+        if not all(0 <= free <= self.buffer_places for free in places):
+            raise ControllerError(f"controller {text!r} has no PVT buffer of {self.buffer_places} places")
+        return ControllerIdentity(text, model.axes)
+
+    def measure_sample_period_s(self, duration_s: float) -> float:
+        """Compare the controller's sample counter with the host's clock over `duration_s`."""
+        return sample_period_s(lambda: self._ask(["TIME"])[0], duration_s)
+
+    def servo_on(self) -> None:
+        """Set the error limit and what follows from it, then switch the servos on."""
+        for letter in self._letters:
+            self._status.request(f"ER{letter}={self._machine.servo.error_limit_counts}")
+            self._status.request(f"OE{letter}={self._machine.servo.off_on_error}")
+        self._status.request(f"SH {self._letters}")
+        if any(self._ask([f"_MO{letter}" for letter in self._letters])):
+            raise ControllerError("a motor stays off after SH", "check amplifier enable and the abort input")
+
+    def servo_off(self) -> None:
+        """Switch the servos of the job's axes off."""
+        self._status.request(f"MO {self._letters}")
+
+    def move_to(self, position_counts: Mapping[str, int]) -> None:
+        """Move to absolute positions at approach speed; a later stop decelerates at the axes' own limit."""
+        servo = self._machine.servo
+        for letter, target in position_counts.items():
+            scale = self._axes[letter].counts_per_mm
+            approach = codec.acceleration(servo.approach_acceleration_mm_s2 * scale)
+            self._status.request(f"AC{letter}={approach}")
+            self._status.request(f"DC{letter}={approach}")
+            self._status.request(f"SP{letter}={codec.speed(servo.approach_speed_mm_s * scale)}")
+            self._status.request(f"PA{letter}={target}")
+        self._status.request(f"BG {''.join(position_counts)}")
+        self._await_target(position_counts)
+        for letter in position_counts:
+            axis = self._axes[letter]
+            self._status.request(f"DC{letter}={codec.acceleration(axis.a_max_mm_s2 * axis.counts_per_mm)}")
+
+    def clear_segments(self) -> None:
+        """Empty the PVT buffers and see that they are empty."""
+        for letter in self._letters:
+            self._status.request(f"PV{letter}=0,0,-1")
+        free = self.buffer_status().free_places
+        if any(places != self.buffer_places for places in free.values()):
+            raise ControllerError(f"PVT buffers are not empty after clearing: free places {dict(free)}")
+
+    def queue_segments(self, program: PvtProgram, first: int, last: int) -> None:
+        """Send segments `first` to `last` (exclusive) of every axis and check every prompt."""
+        letters = list(program.axes)
+        self._take_places(last - first)
+        lines = codec.segment_lines(program, first, last)
+        try:
+            self._stream.pipeline(lines)
+        except RejectedError as refusal:
+            segment, axis = divmod(refusal.index, len(letters))
+            raise self._after_refusal(f"segment {first + segment} of axis {letters[axis]}") from refusal
+
+    def queue_end(self) -> None:
+        """Send the end marker to every axis."""
+        self._take_places(1)
+        try:
+            self._stream.pipeline([b"PV%c=0,0,0\r" % ord(letter) for letter in self._letters])
+        except RejectedError as refusal:
+            raise self._after_refusal(f"the end marker of axis {self._letters[refusal.index]}") from refusal
+
+    def begin_segments(self) -> None:
+        """Open the beam gate and start all axes in one packet, then read the gate back."""
+        lines = [f"{self._gate.open_command}\r", f"BT {self._letters}\r"]
+        try:
+            self._stream.pipeline([line.encode("ascii") for line in lines])
+        except RejectedError as refusal:
+            raise self._after_refusal(repr(lines[refusal.index].strip())) from refusal
+        except LinkError:
+            self._gate.close()
+            raise
+        if not self._gate.is_open():
+            raise ControllerError("the beam gate did not open", "check its output and wiring")
+
+    def buffer_status(self) -> BufferStatus:
+        """Poll free places, executed segments and stop codes of all axes in one round trip."""
+        letters = self._letters
+        values = self._ask([f"{operand}{letter}" for operand in ("_BT", "_PV", "_SC") for letter in letters])
+        executed, free, codes = (
+            dict(zip(letters, values[start : start + len(letters)], strict=True))
+            for start in range(0, len(values), len(letters))
+        )
+        self._free = dict(free)
+        return BufferStatus(free_places=free, executed_segments=executed, stop_codes=codes)
+
+    def status(self) -> Mapping[str, AxisStatus]:
+        """Full status of every axis of the job, one round trip per axis."""
+        return {letter: self._axis_status(letter) for letter in self._letters}
+
+    def close_gate(self) -> None:
+        """Close the gate and read it back, on fresh handles if need be."""
+        self._gate.close()
+
+    def gate_is_open(self) -> bool:
+        """Read the gate output back from the controller."""
+        return self._gate.is_open()
+
+    def stop(self) -> None:
+        """Decelerate all axes of the job to rest and wait until they stand."""
+        self._status.request(f"ST {self._letters}")
+        deadline = time.monotonic() + self._machine.servo.settle_timeout_s
+        while any(self._ask([f"_BG{letter}" for letter in self._letters])):
+            self._pause(deadline, "stop")
+
+    def abort(self) -> None:
+        """Close the gate and stop without deceleration; the bytes leave before anything is waited for."""
+        lines = f"{self._gate.close_command}\rAB\r".encode("ascii")
+        link = self._abort
+        try:
+            link.shout(lines)
+            link.heard(prompts=2)
+        except LinkError:
+            self._abort = link = self._open("abort")
+            link.shout(lines)
+            link.heard(prompts=2)
+
+    def close(self) -> None:
+        """Close all handles; never raises."""
+        self._closed = True
+        for link in self._links:
+            link.close()
+
+    def _open(self, name: str) -> Link:
+        connection = self._machine.connection
+        if self._closed:
+            raise LinkError(f"{name} link: the controller has been disconnected", "connect again")
+        try:
+            transport = TcpTransport(connection.host, connection.port, connection.timeout_s)
+        except OSError as error:
+            raise LinkError(
+                f"controller at {connection.host}:{connection.port} cannot be reached ({error})",
+                "check power, network, host and port in the machine file; all handles may be in use",
+            ) from error
+        link = Link(transport, name, connection.timeout_s)
+        self._links.append(link)
+        return link
+
+    def _ask(self, operands: list[str]) -> list[int]:
+        question = codec.message_of(operands)
+        return codec.parse_integers(self._status.request(question), len(operands), question)
+
+    def _axis_status(self, letter: str) -> AxisStatus:
+        operands = ("_TP", "_TE", "_SC", "_BG", "_MO", "_PV", "_BT")
+        values = self._ask([f"{operand}{letter}" for operand in operands])
+        position, error, stop_code, moving, off, free, executed = values
+        return AxisStatus(position, error, stop_code, bool(moving), not off, free, executed)
+
+    def _take_places(self, places: int) -> None:
+        """Book places that the last poll saw free: a PV line is never sent to a full buffer."""
+        if places > min(self._free.values()):
+            raise ControllerError(f"{places} segments do not fit into free places {self._free}")
+        for letter in self._free:
+            self._free[letter] -= places
+
+    def _after_refusal(self, what: str) -> RejectedError:
+        self._gate.close()
+        self._free = dict.fromkeys(self._letters, 0)
+        reason = self._stream.request("TC1")
+        return RejectedError(
+            f"controller refused {what}: {reason or 'no reason given'}",
+            "the gate is closed; look the code up in the controller's command reference",
+        )
+
+    def _await_target(self, position_counts: Mapping[str, int]) -> None:
+        tolerance = self._machine.servo.position_tolerance_counts
+        deadline = time.monotonic() + self._machine.servo.settle_timeout_s
+        while True:
+            axes = {letter: self._axis_status(letter) for letter in position_counts}
+            if not any(axis.moving for axis in axes.values()):
+                for letter, axis in axes.items():
+                    if axis.stop_code != STOPPED_AT_TARGET or not axis.motor_on:
+                        raise ControllerError(
+                            f"axis {letter} stopped with code {axis.stop_code} before it reached "
+                            f"{position_counts[letter]} counts",
+                            "check limit switches, amplifier and position error",
+                        )
+                errors = [axes[letter].position_counts - target for letter, target in position_counts.items()]
+                if all(abs(error) <= tolerance for error in errors):
+                    return
+            self._pause(deadline, f"reach {dict(position_counts)} counts")
+
+    def _pause(self, deadline: float, what: str) -> None:
+        if time.monotonic() > deadline:
+            raise ControllerError(
+                f"axes did not {what} within {self._machine.servo.settle_timeout_s:g} s",
+                "check limits, amplifiers and servo tuning; settle_timeout_s is in the machine file",
+            )
+        time.sleep(POLL_S)

@@ -1,0 +1,228 @@
+"""Strictly framed commands and replies over one handle.
+
+Every command is answered by exactly one prompt: ``:`` alone, text with CR LF and ``:``, or ``?`` alone.
+Whatever else arrives means that host and controller no longer agree on which reply belongs to which
+command. Such a link is closed at once and never used again, and so is one that stays silent too long.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NoReturn, ParamSpec, TypeVar
+
+from ibfctl.errors import ControllerError, LinkError
+from ibfctl_drivers.galil.transport import Transport
+
+MAX_REPLY_BYTES = 65536
+MAX_BYTES_IN_FLIGHT = 400
+"""No manual says how much the controller's input buffer takes; one documented packet is known to fit."""
+
+_PROMPT = re.compile(rb"[:?]")
+_PRINTABLE = re.compile(rb"[\x20-\x7e\t\r\n]*")
+_MARKED = bytes(range(0x80, 0x100))
+_PLAIN = bytes(range(0x80))
+_UNMARK = bytes(byte & 0x7F for byte in range(0x100))
+
+_log = logging.getLogger(__name__)
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class RejectedError(ControllerError):
+    """The controller answered ``?``; `index` counts the lines of the batch that it accepted before."""
+
+    code = "rejected"
+
+    def __init__(self, message: str, hint: str = "", index: int = 0) -> None:
+        super().__init__(message, hint)
+        self.index = index
+
+
+class Link:
+    """One handle of the controller; calls from several threads wait for each other, except `shout`.
+
+    Parameters
+    ----------
+    transport
+        The open byte pipe; the link closes it.
+    name
+        What the handle is for; it appears in messages.
+    timeout_s
+        How long any single reply may take.
+    """
+
+    def __init__(self, transport: Transport, name: str, timeout_s: float) -> None:
+        self._transport = transport
+        self._name = name
+        self._timeout_s = timeout_s
+        self._lock = threading.Lock()
+        self._received = bytearray()
+        self._unsolicited = bytearray()
+        self._owed = 0
+        self._closed_because: str | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """False after `close` and after any failure."""
+        return self._closed_because is None
+
+    def close(self) -> None:
+        """Close the handle; never raises."""
+        self._closed_because = self._closed_because or "it was closed"
+        self._transport.close()
+
+    def request(self, command: str) -> str:
+        """Send one command and return the text of its reply, without its line end.
+
+        Raises
+        ------
+        RejectedError
+            If the controller answers ``?``; the message holds its reason.
+        LinkError
+            If it answers too late or otherwise than the protocol allows. The link is closed then.
+        """
+        with self._lock:
+            text, accepted = self._exchange(command)
+            if accepted:
+                return text
+            reason, known = self._exchange("TC1")
+        raise RejectedError(
+            f"controller refused {command!r}: {reason if known and reason else 'no reason given'}",
+            "look the code up in the controller's command reference",
+        )
+
+    def pipeline(self, lines: Sequence[bytes]) -> None:
+        """Send complete lines that answer without data, several in flight, and check every prompt.
+
+        Raises
+        ------
+        RejectedError
+            At the first ``?``. Nothing more is sent; replies still owed are collected by the next call.
+        LinkError
+            As `request`; any single line must be answered within the link's timeout.
+        """
+        with self._lock:
+            self._settle()
+            self._pump(lines)
+
+    def shout(self, data: bytes) -> None:
+        """Put bytes on the wire without waiting for any lock; count their prompts with `heard`.
+
+        Only for a handle that serves no other purpose, so that nobody else is in the middle of a reply.
+        """
+        self._send(data)
+
+    def heard(self, prompts: int) -> None:
+        """Wait for the prompts of what was shouted; rejections raise `RejectedError`."""
+        with self._lock:
+            deadline = time.monotonic() + self._timeout_s
+            accepted = [self._reply(deadline)[1] for _ in range(prompts)]
+        if not all(accepted):
+            raise RejectedError("controller refused to abort", "use the emergency stop")
+
+    def _exchange(self, command: str) -> tuple[str, bool]:
+        self._settle()
+        self._send(command.encode("ascii") + b"\r")
+        text, accepted = self._reply(time.monotonic() + self._timeout_s)
+        if self._received:
+            self._fail(f"more than one reply to {command!r}: {bytes(self._received[:40])!r} too many")
+        return text, accepted
+
+    def _settle(self) -> None:
+        """Collect replies still owed, then insist on silence: a byte that nobody asked for is a fault."""
+        deadline = time.monotonic() + self._timeout_s
+        while self._owed:
+            self._reply(deadline)
+            self._owed -= 1
+        self._take(self._call(self._transport.waiting))
+        if self._received:
+            self._fail(f"{bytes(self._received[:40])!r} came unasked")
+
+    def _pump(self, lines: Sequence[bytes]) -> None:
+        in_flight: deque[tuple[int, float]] = deque()
+        bytes_in_flight = accepted = queued = 0
+        while accepted < len(lines):
+            now = time.monotonic()
+            batch = queued
+            while batch < len(lines) and bytes_in_flight + len(lines[batch]) <= MAX_BYTES_IN_FLIGHT:
+                bytes_in_flight += len(lines[batch])
+                in_flight.append((len(lines[batch]), now + self._timeout_s))
+                batch += 1
+            if batch > queued:
+                self._send(b"".join(lines[queued:batch]))
+                queued = batch
+            prompts, rejected = self._prompts(in_flight[0][1], len(in_flight))
+            for _ in range(prompts):
+                bytes_in_flight -= in_flight.popleft()[0]
+            accepted += prompts
+            if rejected:
+                self._owed = len(in_flight) - 1
+                raise RejectedError("controller refused a line", index=accepted)
+
+    def _prompts(self, deadline: float, at_most: int) -> tuple[int, bool]:
+        """Return how many good prompts came, and whether a bad one followed."""
+        if not self._received:
+            self._wait(deadline)
+        good = len(self._received) - len(self._received.lstrip(b":"))
+        rest = self._received[good : good + 1]
+        rejected = rest == b"?"
+        if good + rejected > at_most or (rest and not rejected):
+            self._fail(f"{bytes(self._received[:40])!r} came where only prompts may")
+        del self._received[: good + rejected]
+        return good, rejected
+
+    def _reply(self, deadline: float) -> tuple[str, bool]:
+        while (prompt := _PROMPT.search(self._received)) is None:
+            if len(self._received) > MAX_REPLY_BYTES:
+                self._fail("a reply that does not end")
+            self._wait(deadline)
+        text, accepted = bytes(self._received[: prompt.start()]), prompt.group() == b":"
+        framed = text.endswith(b"\r\n") if accepted and text else not text
+        if not framed or not _PRINTABLE.fullmatch(text):
+            self._fail(f"malformed reply {bytes(self._received[:40])!r}")
+        del self._received[: prompt.end()]
+        return text.decode("ascii").strip(), accepted
+
+    def _wait(self, deadline: float) -> None:
+        """Wait for bytes; a deadline that has passed ends even a flood of unsolicited ones."""
+        remaining_s = deadline - time.monotonic()
+        if remaining_s <= 0:
+            self._fail(f"no answer within {self._timeout_s:g} s")
+        self._take(self._call(self._transport.receive, remaining_s))
+
+    def _take(self, data: bytes) -> None:
+        if not data.isascii():
+            self._unsolicited += data.translate(_UNMARK, _PLAIN)
+            data = data.translate(None, _MARKED)
+            self._log_unsolicited()
+        self._received += data
+
+    def _log_unsolicited(self) -> None:
+        *lines, rest = re.split(rb"[\r\n]+", self._unsolicited)
+        for line in filter(None, lines):
+            _log.warning("%s: controller says: %s", self._name, line.decode("ascii", "replace"))
+        self._unsolicited = bytearray(rest[-MAX_REPLY_BYTES:])
+
+    def _send(self, data: bytes) -> None:
+        self._call(self._transport.send, data, self._timeout_s)
+
+    def _call(self, operation: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
+        if self._closed_because is not None:
+            raise LinkError(f"{self._name} link: closed because {self._closed_because}", "connect again")
+        try:
+            return operation(*arguments, **named)
+        except OSError as error:
+            self._fail(str(error) or type(error).__name__, error)
+
+    def _fail(self, reason: str, cause: Exception | None = None) -> NoReturn:
+        self._closed_because = reason
+        self._transport.close()
+        raise LinkError(
+            f"{self._name} link: {reason}", "check power and network of the controller, then connect again"
+        ) from cause
