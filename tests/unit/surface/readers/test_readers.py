@@ -40,14 +40,14 @@ def test_a_wrong_formula_is_refused(spec: str, message: str) -> None:
 
 
 def test_unknown_suffix_absent_file_and_folder_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="unknown kind of file '.dat'"):
+    with pytest.raises(InputError, match=r"unknown kind of file '\.dat'"):
         read_map(tmp_path / "m.dat")
     with pytest.raises(InputError, match="cannot be read"):
         read_map(tmp_path / "absent.npz")
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(InputError, match="cannot be read"):
         read_map(tmp_path / "folder.csv")
-    with pytest.raises(InputError, match="only .mat files"):
+    with pytest.raises(InputError, match=r"only \.mat files"):
         read_map(tmp_path / "m.npz", array="Z")
 
 

@@ -1,0 +1,5 @@
+"""`python -m ibfctl` is `ibfctl`."""
+
+from ibfctl.cli.main import main
+
+main()

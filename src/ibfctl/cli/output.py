@@ -1,0 +1,45 @@
+"""What verbs print: one JSON object, or lines of name, value and unit."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibfctl.errors import InputError
+
+
+def print_json(figures: Mapping[str, Any]) -> None:
+    """Print one object; a value that is no finite number becomes null, because JSON has no NaN."""
+    click.echo(json.dumps(_finite(figures), indent=2))
+
+
+def print_lines(lines: Sequence[tuple[str, str]]) -> None:
+    """Print names and values in two columns."""
+    width = max(len(name) for name, _ in lines)
+    for name, value in lines:
+        click.echo(f"{name:<{width}}  {value}".rstrip())
+
+
+def check_writable(path: Path) -> None:
+    """Refuse an output path before the work begins, not after."""
+    if path.is_dir():
+        raise InputError(f"output {path}: is a folder", "give the name of a file")
+    if not path.absolute().parent.is_dir():
+        raise InputError(
+            f"output {path}: its folder does not exist", "make the folder first, or give another path"
+        )
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,1 @@
+"""The demo job, and its way from map to as-run residual."""

@@ -1,0 +1,1 @@
+"""Run a plan on an emulated controller and find what was removed; record of any run."""
