@@ -1,0 +1,1 @@
+"""Emulated motion controllers that real clients can talk to over TCP."""

@@ -1,0 +1,83 @@
+"""What may differ between controllers: the model, and every point that no source confirms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SAMPLES_PER_SECOND = 1024
+"""Samples per second at the default TM 1000."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One emulated controller.
+
+    Attributes
+    ----------
+    family, axes, firmware
+        Model family, number of axes (1 to 8) and firmware revision, as `^R^V` reports them.
+    pvt_places
+        Places of the PVT buffer of one axis.
+    pvt_full_error
+        Error code of a `PV` at a full buffer; None drops the segment without an error. Unconfirmed.
+    pvt_minimum_samples, pvt_even_samples
+        Shortest segment, and whether an odd time is refused. Unconfirmed.
+    begin_empty_error
+        Error code of a `BT` on an axis without segments; None accepts it. Unconfirmed.
+    begin_motor_off_error, begin_running_error
+        Error codes of a `BT` with the motor off and of a second `BT`. Unconfirmed for PVT.
+    underrun_deceleration
+        How an axis stops when its buffer ran empty: with DC or at once. Unconfirmed.
+    continue_line_after_error
+        Whether the commands after a rejected one on the same line still run. Unconfirmed.
+    line_characters
+        Longest command line, all parts between `;` included.
+    overlong_error
+        Error code of an over-long line. Unconfirmed.
+    missing_axis_error
+        Error code of an axis that the model does not have. Unconfirmed.
+    message_leading_blank
+        Whether `MG` puts a blank before a positive first value. Unconfirmed.
+    latch_orderly_close
+        Whether a client that closes in good order also latches error 123. Unconfirmed.
+    motor_on_at_start
+        Whether the servos hold after power-up. Unconfirmed.
+    idle_inputs
+        Level of an input that nothing drives. Unconfirmed.
+    """
+
+    family: Literal["40x0", "41x3"] = "40x0"
+    axes: int = 2
+    firmware: str = "1.3a"
+    serial_number: int = 4020
+    pvt_places: int = 255
+    pvt_full_error: int | None = 32
+    pvt_minimum_samples: int = 1
+    pvt_even_samples: bool = False
+    begin_empty_error: int | None = 24
+    begin_motor_off_error: int = 20
+    begin_running_error: int = 21
+    underrun_deceleration: Literal["DC", "instant"] = "DC"
+    continue_line_after_error: bool = True
+    line_characters: int = 80
+    overlong_error: int = 5
+    missing_axis_error: int = 4
+    message_leading_blank: bool = True
+    latch_orderly_close: bool = False
+    motor_on_at_start: bool = False
+    idle_inputs: Literal[0, 1] = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.axes <= 8:
+            raise ValueError(f"axes: {self.axes} is not between 1 and 8")
+
+    @property
+    def model(self) -> str:
+        """Model name with the number of axes at its usual place, e.g. `DMC4020` or `DMC4123`."""
+        return f"DMC40{self.axes}0" if self.family == "40x0" else f"DMC41{self.axes}3"
+
+    @property
+    def identity(self) -> str:
+        """Answer to `^R^V`."""
+        return f"{self.model} Rev {self.firmware}"
