@@ -105,7 +105,8 @@ def _check_range(program: PvtProgram, first: int, last: int) -> None:
     for letter, axis in program.axes.items():
         moves, speeds = axis.increment_counts[first:last], axis.end_velocity_counts_s[first:last]
         _refuse_where(np.abs(moves) > MAX_INCREMENT_COUNTS, moves, first, f"axis {letter} move", "counts")
-        _refuse_where(np.abs(speeds) > MAX_VELOCITY_COUNTS_S, speeds, first, f"axis {letter} speed", "counts/s")
+        too_fast = np.abs(speeds) > MAX_VELOCITY_COUNTS_S
+        _refuse_where(too_fast, speeds, first, f"axis {letter} velocity", "counts/s")
 
 
 def _refuse_where(bad: NDArray[np.bool_], values: IntArray, first: int, what: str, unit: str) -> None:

@@ -50,7 +50,7 @@ class GalilController:
 
     def __init__(self, machine: MachineDescription) -> None:
         self._machine = machine
-        self._axes: dict[str, Axis] = dict(machine.axes)
+        self._axes: dict[str, Axis] = dict(machine.axes.items())
         self._letters = "".join(sorted(machine.axes))
         self._free = dict.fromkeys(self._letters, 0)
         self._closed = False
@@ -67,7 +67,10 @@ class GalilController:
     def greet(self) -> None:
         """Have unsolicited text marked on every handle, and clear an error latched by an earlier client."""
         for link in self._links:
-            link.request("CW 1")
+            try:
+                link.request("CW 1")
+            except RejectedError as refusal:  # then unsolicited text breaks the framing, which closes the link
+                _log.warning("unsolicited text stays unmarked: %s", refusal)
         latched = self._status.request("TC1")
         if not latched.startswith("0"):
             _log.info("error latched before this connection: %s", latched)

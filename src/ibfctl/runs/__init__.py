@@ -1,1 +1,1 @@
-"""What happens between Start and the finished part."""
+"""Runs: a program streamed to a controller, watched, and proven."""

@@ -1,0 +1,75 @@
+"""The controller's counts must agree with each other and with what was sent."""
+
+from __future__ import annotations
+
+from ibfctl.errors import RunError
+from ibfctl.machine.controller import BufferStatus
+
+RUNNING, COMPLETE, RAN_DRY = 30, 31, 32
+
+LASTING_POLLS = 10
+"""An answer names the axes one by one, so a segment may end in between, but not so many times in a row."""
+
+HINTS = {
+    2: "forward limit reached: check the limit switch and the part's position",
+    3: "reverse limit reached: check the limit switch and the part's position",
+    4: "something else sent ST to the controller: see who else is connected",
+    6: "the abort input was triggered: check the interlock chain",
+    7: "something else sent AB to the controller: see who else is connected",
+    8: "position error limit exceeded: check the stage for obstruction and the servo tuning",
+    11: "the selective abort input was triggered: check the interlock chain",
+    12: "encoder failure: check encoder and cable",
+    15: "amplifier fault: check the amplifier",
+    RAN_DRY: "the buffer ran empty: ease the host's load or its network",
+}
+
+
+class CountCheck:
+    """Checks every poll of a run.
+
+    Parameters
+    ----------
+    places
+        Places of one axis' buffer.
+    """
+
+    def __init__(self, places: int) -> None:
+        self._places = places
+        self._lagging_polls = 0
+        self._executed: dict[str, int] = {}
+
+    def __call__(self, status: BufferStatus, sent: int, end_sent: bool) -> None:
+        """Raise `RunError` unless `status` is what `sent` segments (and an end marker) can lead to."""
+        self._check_stop_codes(status, end_sent)
+        self._check_lag(status)
+        queued = sent + end_sent
+        for letter, executed in status.executed_segments.items():
+            waiting = self._places - status.free_places[letter]
+            # One segment is in motion, and the two numbers were read one after the other.
+            accounted = 0 <= queued - executed - waiting <= 2
+            if not accounted or not self._executed.get(letter, 0) <= executed <= queued:
+                raise RunError(
+                    f"axis {letter}: {queued} segments sent, but {executed} executed and {waiting} waiting",
+                    "segments were lost or made up: check that nobody else sends motion to this controller",
+                )
+        self._executed = dict(status.executed_segments)
+
+    def _check_stop_codes(self, status: BufferStatus, end_sent: bool) -> None:
+        for letter, code in status.stop_codes.items():
+            if code != RUNNING and not (end_sent and code == COMPLETE):
+                executed = status.executed_segments[letter]
+                raise RunError(
+                    f"axis {letter} stopped with code {code} after {executed} segments",
+                    HINTS.get(code, "look the stop code (SC) up in the controller's command reference"),
+                )
+
+    def _check_lag(self, status: BufferStatus) -> None:
+        executed = status.executed_segments
+        lag = max(executed.values()) - min(executed.values())
+        self._lagging_polls = self._lagging_polls + 1 if lag else 0
+        if lag > 1 or self._lagging_polls > LASTING_POLLS:
+            counts = ", ".join(f"{letter} {count}" for letter, count in executed.items())
+            raise RunError(
+                f"axes no longer execute the same segment ({counts})",
+                "the path is lost: measure the part before planning what is left",
+            )

@@ -1,0 +1,105 @@
+"""The emulated controller as a process of its own, ended so that its trace is complete."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from ibfctl.errors import ControllerError
+from ibfctl.machine.description import MachineDescription
+
+START_TIMEOUT_S = 30.0
+END_TIMEOUT_S = 30.0
+
+_LISTENING = re.compile(rb"listening on (?P<host>\S+):(?P<port>\d+)\s*\n")
+
+
+@dataclass(frozen=True)
+class EmulatedController:
+    """Where an emulated controller listens, and how fast its clock runs."""
+
+    host: str
+    port: int
+    time_scale: float
+
+    def in_place_of(self, machine: MachineDescription) -> MachineDescription:
+        """Return `machine` with the emulated controller instead of its own."""
+        connection = machine.connection.model_copy(update={"host": self.host, "port": self.port})
+        return machine.model_copy(update={"connection": connection})
+
+
+@contextmanager
+def emulated_controller(trace: Path, *, speed: float = 1.0, axes: int = 2) -> Iterator[EmulatedController]:
+    """Run an emulated controller for the length of a ``with`` block; afterwards `trace` is complete.
+
+    Parameters
+    ----------
+    trace
+        File to which the emulated controller writes what it executed.
+    speed
+        Controller seconds per second of the host.
+    axes
+        Number of axes.
+
+    Raises
+    ------
+    ControllerError
+        If it does not start, or does not end in an orderly way.
+    """
+    command = [sys.executable, "-m", "ibfctl_simulator", "--port", "0", "--axes", str(axes)]
+    command += ["--speed", f"{speed:g}", "--trace", str(trace), "--exit-with-parent"]
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            bufsize=0,
+            start_new_session=True,  # an interrupt from the keyboard must leave it alive: the gate closes first
+        )
+        with process:
+            try:
+                host, port = _await_address(process)
+                yield EmulatedController(host, port, speed)
+            finally:
+                _end(process)
+        if process.returncode != 0:
+            errors.seek(0)
+            last = errors.read().decode("utf-8", "replace").strip().splitlines()[-1:]
+            raise ControllerError(
+                f"emulated controller ended with code {process.returncode}: {' '.join(last) or 'no reason given'}",
+                "the trace may be incomplete; run again",
+            )
+
+
+def _await_address(process: subprocess.Popen[bytes]) -> tuple[str, int]:
+    assert process.stdout is not None  # Popen was given a pipe
+    deadline = time.monotonic() + START_TIMEOUT_S
+    said = b""
+    while (match := _LISTENING.search(said)) is None:
+        readable, _, _ = select.select([process.stdout], [], [], max(deadline - time.monotonic(), 0.0))
+        chunk = os.read(process.stdout.fileno(), 4096) if readable else b""
+        if not chunk:
+            raise ControllerError(
+                f"emulated controller did not start; it said {said.decode('utf-8', 'replace').strip()!r}",
+                "start `ibfctl-simulator` by hand to see why",
+            )
+        said += chunk
+    return match["host"].decode("ascii"), int(match["port"])
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(END_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
