@@ -27,7 +27,7 @@ MAX_ACCELERATION_COUNTS_S2 = 1_073_740_800
 ACCELERATION_STEP_COUNTS_S2 = 1024
 IDENTIFY = "\x12\x16"
 
-_NUMBER = re.compile(r"-?\d{1,10}(\.\d+)?")
+_NUMBER = re.compile(r"-?[0-9]{1,10}(\.[0-9]+)?")
 _MODEL = re.compile(r"DMC(?P<model>\d{4,5})\S*\s+Rev\s+(?P<firmware>\d+\.\d+\w*)")
 _FIRMWARE = re.compile(r"(\d+)\.(\d+)([a-z]*)")
 _FIRST_FIRMWARE_WITH_PVT = {"40": (1, 2, "i"), "41": (1, 2, "f")}

@@ -69,7 +69,7 @@ class GalilController:
         for link in self._links:
             try:
                 link.request("CW 1")
-            except RejectedError as refusal:  # then unsolicited text breaks the framing, which closes the link
+            except RejectedError as refusal:  # unsolicited text will then break the framing: still safe
                 _log.warning("unsolicited text stays unmarked: %s", refusal)
         latched = self._status.request("TC1")
         if not latched.startswith("0"):

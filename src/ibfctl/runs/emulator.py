@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from ibfctl.errors import ControllerError
 from ibfctl.machine.description import MachineDescription
@@ -64,24 +65,22 @@ def emulated_controller(trace: Path, *, speed: float = 1.0, axes: int = 2) -> It
             stdout=subprocess.PIPE,
             stderr=errors,
             bufsize=0,
-            start_new_session=True,  # an interrupt from the keyboard must leave it alive: the gate closes first
+            start_new_session=True,  # Ctrl-C must not end it before the host has closed the gate
         )
         with process:
             try:
-                host, port = _await_address(process)
+                host, port = _await_address(process, errors)
                 yield EmulatedController(host, port, speed)
             finally:
                 _end(process)
         if process.returncode != 0:
-            errors.seek(0)
-            last = errors.read().decode("utf-8", "replace").strip().splitlines()[-1:]
             raise ControllerError(
-                f"emulated controller ended with code {process.returncode}: {' '.join(last) or 'no reason given'}",
+                f"emulated controller ended with code {process.returncode}: {_last_words(errors)}",
                 "the trace may be incomplete; run again",
             )
 
 
-def _await_address(process: subprocess.Popen[bytes]) -> tuple[str, int]:
+def _await_address(process: subprocess.Popen[bytes], errors: IO[bytes]) -> tuple[str, int]:
     assert process.stdout is not None  # Popen was given a pipe
     deadline = time.monotonic() + START_TIMEOUT_S
     said = b""
@@ -90,11 +89,17 @@ def _await_address(process: subprocess.Popen[bytes]) -> tuple[str, int]:
         chunk = os.read(process.stdout.fileno(), 4096) if readable else b""
         if not chunk:
             raise ControllerError(
-                f"emulated controller did not start; it said {said.decode('utf-8', 'replace').strip()!r}",
+                f"emulated controller did not start: {_last_words(errors)}",
                 "start `ibfctl-simulator` by hand to see why",
             )
         said += chunk
     return match["host"].decode("ascii"), int(match["port"])
+
+
+def _last_words(errors: IO[bytes]) -> str:
+    errors.seek(0)
+    lines = errors.read().decode("utf-8", "replace").strip().splitlines()
+    return lines[-1] if lines else "no reason given"
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

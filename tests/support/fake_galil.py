@@ -1,0 +1,167 @@
+"""A scripted controller behind a real socket: it moves in no time and does as it is told, or as it should not."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Self
+
+STREAM, STATUS, GATE, ABORT = range(4)
+PROMPT, REFUSAL = b":", b"?"
+Answer = Callable[[int, str], "bytes | None"]
+
+
+class FakeGalil:
+    """Answers commands on any number of handles and logs them in the order in which they arrive.
+
+    `fault(handle, command)` may return bytes to send instead of the true answer, or None for that answer;
+    it may also raise `ConnectionResetError` to reset the handle.
+    """
+
+    def __init__(self, fault: Answer | None = None, sample_rate_hz: float = 1024.0) -> None:
+        self.log: list[tuple[int, str]] = []
+        self.fault = fault or (lambda handle, command: None)
+        self.identity = "DMC4020 Rev 1.3a"
+        self.reason = "0"
+        self.outputs: dict[int, int] = {}
+        self.position = {"A": 0, "B": 0}
+        self.target = dict(self.position)
+        self.queued: dict[str, list[tuple[int, int, int]]] = {"A": [], "B": []}
+        self.executed = {"A": 0, "B": 0}
+        self.stop_code = {"A": 1, "B": 1}
+        self.motor_off = {"A": 1, "B": 1}
+        self.executes = True
+        self._rate_hz = sample_rate_hz
+        self._lock = threading.Lock()
+        self._sockets: list[socket.socket] = []
+        self._threads: list[threading.Thread] = []
+
+    def __enter__(self) -> Self:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._start(self._accept)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._threads[0].join()
+        for handle in self._sockets:
+            with contextlib.suppress(OSError):
+                handle.shutdown(socket.SHUT_RDWR)
+            handle.close()
+        for thread in self._threads:
+            thread.join()
+
+    def sent(self, handle: int) -> list[str]:
+        return [command for number, command in self.log if number == handle]
+
+    def first(self, command: str) -> int:
+        return [logged for _, logged in self.log].index(command)
+
+    def shout(self, handle: int, data: bytes) -> None:
+        """Send bytes that nobody asked for."""
+        self._sockets[handle].sendall(data)
+
+    def _start(self, target: Callable[..., None], *arguments: object) -> None:
+        thread = threading.Thread(target=target, args=arguments)
+        self._threads.append(thread)
+        thread.start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                handle, _ = self._listener.accept()
+            except OSError:
+                return
+            self._sockets.append(handle)
+            self._start(self._serve, len(self._sockets) - 1, handle)
+
+    def _serve(self, number: int, handle: socket.socket) -> None:
+        received = b""
+        try:
+            while data := handle.recv(4096):
+                received += data
+                *lines, received = received.split(b"\r")
+                for line in lines:
+                    command = line.decode("ascii")
+                    with self._lock:
+                        self.log.append((number, command))
+                        answer = self.fault(number, command)
+                        if answer is None:
+                            answer = self._answer(command)
+                    handle.sendall(answer)
+        except OSError:
+            pass
+        finally:
+            handle.close()
+
+    def _answer(self, command: str) -> bytes:
+        if command == "\x12\x16":
+            return self._text(self.identity)
+        if command == "TC1":
+            return self._text(self.reason)
+        if command.startswith("MG "):
+            return self._text(" ".join(f"{self._value(name):.4f}" for name in command[3:].split(",")))
+        if match := re.fullmatch(r"PV([AB])=(-?\d+),(-?\d+),(-?\d+)", command):
+            self._queue(match[1], *(int(number) for number in match.groups()[1:]))
+        elif match := re.fullmatch(r"(SB|CB) (\d+)", command):
+            self.outputs[int(match[2])] = int(match[1] == "SB")
+        elif match := re.fullmatch(r"PA([AB])=(-?\d+)", command):
+            self.target[match[1]] = int(match[2])
+        elif match := re.fullmatch(r"(BG|BT|SH|ST|MO) ([AB]+)", command):
+            self._act(match[1], match[2])
+        return PROMPT
+
+    def _queue(self, letter: str, move: int, velocity: int, time_samples: int) -> None:
+        if time_samples == -1:
+            self.queued[letter].clear()
+        else:
+            self.queued[letter].append((move, velocity, time_samples))
+            self._drain(letter)
+
+    def _act(self, verb: str, letters: str) -> None:
+        for letter in letters:
+            if verb in ("SH", "MO"):
+                self.motor_off[letter] = int(verb == "MO")
+            elif verb == "BG":
+                self.position[letter], self.stop_code[letter] = self.target[letter], 1
+            elif verb == "ST":
+                self.queued[letter].clear()
+                self.stop_code[letter] = 4
+            elif verb == "BT":
+                self.executed[letter], self.stop_code[letter] = 0, 30
+                self._drain(letter)
+
+    def _drain(self, letter: str) -> None:
+        """While PVT runs, segments take no time."""
+        while self.executes and self.stop_code[letter] == 30 and self.queued[letter]:
+            move, _, time_samples = self.queued[letter].pop(0)
+            self.position[letter] += move
+            self.executed[letter] += 1
+            if time_samples == 0:
+                self.stop_code[letter] = 31
+
+    def _value(self, name: str) -> float:
+        if name == "TIME":
+            return int(time.monotonic() * self._rate_hz) % 1_000_000_000
+        if match := re.fullmatch(r"@OUT\[(\d+)\]", name):
+            return self.outputs.get(int(match[1]), 0)
+        operand, letter = name[:3], name[3:]
+        return {
+            "_PV": 255 - len(self.queued[letter]),
+            "_BT": self.executed[letter],
+            "_SC": self.stop_code[letter],
+            "_TP": self.position[letter],
+            "_TE": 0,
+            "_BG": int(self.stop_code[letter] == 30),
+            "_MO": self.motor_off[letter],
+        }[operand]
+
+    @staticmethod
+    def _text(text: str) -> bytes:
+        return f" {text}\r\n:".encode("ascii")
