@@ -30,9 +30,7 @@ def check_writable(path: Path) -> None:
     if path.is_dir():
         raise InputError(f"output {path}: is a folder", "give the name of a file")
     if not path.absolute().parent.is_dir():
-        raise InputError(
-            f"output {path}: its folder does not exist", "make the folder first, or give another path"
-        )
+        raise InputError(f"output {path}: its folder does not exist", "make the folder first, or give another path")
 
 
 def _finite(value: Any) -> Any:

@@ -5,8 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    import rich.progress as bars
 
 Report = Callable[[str, float], None]
 _PLAIN_STEP = 0.25
@@ -14,31 +18,34 @@ _PLAIN_STEP = 0.25
 
 @contextmanager
 def progress() -> Iterator[Report]:
-    """Yield a function of a stage's name and its fraction (0 to 1) that shows how far the work is."""
+    """Yield a function of a stage's name and the fraction done (0 to 1) that shows how far the work is."""
     if sys.stderr.isatty():
         try:
-            import rich.progress as bars
             from rich.console import Console
+            from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
         except ModuleNotFoundError:
             pass
         else:
-            columns = (
-                bars.TextColumn("{task.description:<24}"),
-                bars.BarColumn(),
-                bars.TaskProgressColumn(),
-                bars.TimeElapsedColumn(),
-            )
-            with bars.Progress(*columns, console=Console(stderr=True)) as display:
-                tasks: dict[str, bars.TaskID] = {}
-
-                def draw(stage: str, fraction: float) -> None:
-                    if stage not in tasks:
-                        tasks[stage] = display.add_task(stage, total=1.0)
-                    display.update(tasks[stage], completed=min(1.0, fraction))
-
-                yield draw
+            columns = (TextColumn("{task.description:<30}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+            with Progress(*columns, console=Console(stderr=True)) as display:
+                yield _Bars(display)
                 return
     yield _PlainLines()
+
+
+class _Bars:
+    """One bar for every activity; a fraction that falls back begins the next."""
+
+    def __init__(self, display: bars.Progress) -> None:
+        self._display = display
+        self._task: bars.TaskID | None = None
+        self._fraction = 0.0
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        if self._task is None or fraction < self._fraction:
+            self._task = self._display.add_task(stage, total=1.0)
+        self._fraction = fraction
+        self._display.update(self._task, description=stage, completed=fraction)
 
 
 class _PlainLines:

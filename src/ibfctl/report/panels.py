@@ -56,9 +56,7 @@ class Panel:
 
 def signed_scale(*values: FloatArray, percentile: float = 99.5) -> tuple[float, float]:
     """Return one scale around zero that holds nearly all values of all arrays that are compared."""
-    sizes = [
-        float(np.nanpercentile(np.abs(array), percentile)) for array in values if np.isfinite(array).any()
-    ]
+    sizes = [float(np.nanpercentile(np.abs(array), percentile)) for array in values if np.isfinite(array).any()]
     top = max([*sizes, np.finfo(float).tiny])
     return -top, top
 
@@ -136,6 +134,4 @@ def save(figure: Figure, path: Path) -> None:
 def _extend(panel: Panel) -> str:
     low = bool(np.nanmin(panel.values) < panel.low) if np.isfinite(panel.values).any() else False
     high = bool(np.nanmax(panel.values) > panel.high) if np.isfinite(panel.values).any() else False
-    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[
-        low, high
-    ]
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[low, high]

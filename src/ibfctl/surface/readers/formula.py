@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ibfctl.errors import InputError
 from ibfctl.surface.influence import InfluenceFunction, gaussian
+from ibfctl.surface.readers.quantity import MAX_PIXELS
 
 GAUSSIAN_PREFIX = "gaussian:"
 _KEYS = ("fwhm_mm", "peak_nm_s", "radius_mm")
@@ -25,6 +26,11 @@ def read_gaussian(spec: str, pixel_mm: float | None) -> InfluenceFunction:
     if missing:
         raise InputError(f"influence function {spec}: {', '.join(missing)} missing", _hint())
     radius_mm = values["radius_mm"]
+    if pixel_mm is not None and not (pixel_mm > 0 and (2 * radius_mm / pixel_mm + 3) ** 2 <= MAX_PIXELS):
+        raise InputError(
+            f"influence function {spec}: pixel size {pixel_mm:g} mm does not suit its radius",
+            "give a larger pixel size, or none",
+        )
     return gaussian(
         values["fwhm_mm"],
         values["peak_nm_s"],

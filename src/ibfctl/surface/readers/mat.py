@@ -98,9 +98,7 @@ def _agreed(declared_mm: list[float], where: str) -> float | None:
         return None
     if any(abs(value - declared_mm[0]) > MAX_PITCH_MISMATCH * abs(declared_mm[0]) for value in declared_mm):
         sizes = " and ".join(f"{value:.6g} mm" for value in declared_mm)
-        raise InputError(
-            f"{where}: says its pixel size more than once: {sizes}", "X, Y and pixel_m must be in metres"
-        )
+        raise InputError(f"{where}: says its pixel size more than once: {sizes}", "X, Y and pixel_m must be in metres")
     return declared_mm[0]
 
 
@@ -121,6 +119,4 @@ def _refuse_bombs(path: Path, where: str) -> None:
                 left -= len(inflater.decompress(body, 1 << 20))
                 body = inflater.unconsumed_tail
             if body:
-                raise InputError(
-                    f"{where}: unpacks to more than {_MAX_BYTES >> 20} MiB", "crop or bin the map"
-                )
+                raise InputError(f"{where}: unpacks to more than {_MAX_BYTES >> 20} MiB", "crop or bin the map")

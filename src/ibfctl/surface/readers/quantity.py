@@ -63,9 +63,7 @@ class Quantity:
                 f"give it with {self.unit_option} ({', '.join(self.units)})",
             )
         if unit not in self.units:
-            raise InputError(
-                f"{where}: unknown unit {unit!r} of {self.stem}", f"use one of {', '.join(self.units)}"
-            )
+            raise InputError(f"{where}: unknown unit {unit!r} of {self.stem}", f"use one of {', '.join(self.units)}")
         return self.units[unit]
 
     def pixel_mm(self, declared_mm: float | None, given_mm: float | None, where: str) -> float:

@@ -88,9 +88,7 @@ def read_influence(
         return InfluenceFunction(table.values, table.pixel_mm)
 
 
-def _read(
-    path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | None, array: str | None
-) -> Table:
+def _read(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | None, array: str | None) -> Table:
     suffix = path.suffix.lower()
     if suffix not in MAP_SUFFIXES:
         raise InputError(
@@ -98,16 +96,12 @@ def _read(
             f"give one of {', '.join(MAP_SUFFIXES)}",
         )
     if array is not None and suffix != ".mat":
-        raise InputError(
-            f"{quantity.what} {path}: only .mat files hold arrays to choose from", "leave the option out"
-        )
+        raise InputError(f"{quantity.what} {path}: only .mat files hold arrays to choose from", "leave the option out")
     try:
         with path.open("rb"):
             pass
     except OSError as error:
-        raise InputError(
-            f"{quantity.what} {path}: cannot be read ({error.strerror})", "check the path"
-        ) from error
+        raise InputError(f"{quantity.what} {path}: cannot be read ({error.strerror})", "check the path") from error
     # The readers are imported here because scipy.io alone takes a quarter of a second to load.
     if suffix == ".npz":
         from ibfctl.surface.readers.npz import read_npz

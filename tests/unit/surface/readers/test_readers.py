@@ -39,6 +39,12 @@ def test_a_wrong_formula_is_refused(spec: str, message: str) -> None:
         read_influence(spec)
 
 
+@pytest.mark.parametrize("pixel_mm", [0.0, -1.0, float("nan"), float("inf"), 1e-9])
+def test_a_formula_is_not_sampled_on_an_absurd_pitch(pixel_mm: float) -> None:
+    with pytest.raises(InputError, match=r"does not suit|must be positive"):
+        read_influence(GAUSSIAN, pixel_mm=pixel_mm)
+
+
 def test_unknown_suffix_absent_file_and_folder_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"unknown kind of file '\.dat'"):
         read_map(tmp_path / "m.dat")

@@ -1,0 +1,108 @@
+"""`ibfctl plan`: from a map and an influence function to a certified plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal, cast
+
+import click
+
+from ibfctl.cli.options import corners, json_option, machine_option, output_option
+from ibfctl.cli.output import check_writable, print_json, print_lines
+from ibfctl.cli.progress import progress
+from ibfctl.cli.words import plan_lines
+
+if TYPE_CHECKING:
+    from ibfctl.surface.map import Rectangle
+
+_RASTER: Final = "raster"
+
+
+@click.command(name="plan")
+@click.argument("surface_map", metavar="MAP")
+@click.argument("influence", metavar="TIF")
+@machine_option(required=True)
+@click.option(
+    "--path",
+    default=_RASTER,
+    show_default=True,
+    metavar="raster|NODES.csv",
+    help="Raster, or nodes: x_mm,y_mm.",
+)
+@click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm.")
+@click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm.")
+@click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
+@click.option(
+    "--clear-aperture",
+    metavar="X0,X1,Y0,Y1",
+    callback=corners,
+    help="Where the residual counts, mm; default: the whole map.",
+)
+@click.option(
+    "--remove",
+    type=click.Choice(["none", "piston", "tilt"]),
+    default="tilt",
+    show_default=True,
+    help="Free terms; tilt includes piston.",
+)
+@click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own.")
+@click.option("--corridor-mm", type=float, help="How far the path may leave its segment, mm; default: 5 % of pitch.")
+@click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it.")
+@click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file does not say it.")
+@click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z.")
+@click.option("--tif-pixel-mm", type=float, help="Pixel size of TIF, mm, where the file does not say it.")
+@click.option("--tif-unit", metavar="UNIT", help="Unit of rates (nm/s, um/min, ...) where the file does not say it.")
+@output_option("plan.h5")
+@json_option
+def command(
+    surface_map: str,
+    influence: str,
+    machine: Path,
+    path: str,
+    pitch_mm: float,
+    step_mm: float,
+    scan_axis: str,
+    clear_aperture: Rectangle | None,
+    remove: str,
+    dwell_min_s: float | None,
+    corridor_mm: float | None,
+    map_pixel_mm: float | None,
+    map_unit: str | None,
+    map_array: str | None,
+    tif_pixel_mm: float | None,
+    tif_unit: str | None,
+    output: Path,
+    as_json: bool,
+) -> None:
+    """Plan a job: from MAP and TIF to a certified program for the machine.
+
+    MAP is a surface (.npz, .mat, .csv, .xyz); TIF is the tool influence function: such a file, or
+    gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..
+    """
+    check_writable(output)
+    from ibfctl.jobs.plan_files import InfluenceFile, MapFile, plan_files
+    from ibfctl.planning.options import PlanOptions, Removed
+
+    options = PlanOptions(
+        path=Path(path) if path != _RASTER else _RASTER,
+        pitch_mm=pitch_mm,
+        step_mm=step_mm,
+        scan_axis=cast('Literal["x", "y"]', scan_axis),
+        clear_aperture=clear_aperture,
+        remove=cast(Removed, remove),
+        dwell_min_s=dwell_min_s,
+        corridor_mm=corridor_mm,
+    )
+    with progress() as report:
+        plan = plan_files(
+            MapFile(surface_map, map_pixel_mm, map_unit, map_array),
+            InfluenceFile(influence, tif_pixel_mm, tif_unit),
+            machine,
+            options,
+            output,
+            on_progress=report,
+        )
+    if as_json:
+        print_json(plan.summary())
+    else:
+        print_lines([*plan_lines(plan.summary()), ("written", str(output))])

@@ -1,0 +1,100 @@
+"""From input files to a plan file: read, hash, plan, write."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ibfctl.errors import InputError
+from ibfctl.jobs.timed_nodes import read_timed_nodes
+from ibfctl.machine.description import read_machine
+from ibfctl.planning.file import write_plan
+from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.plan import InputFile, Plan
+from ibfctl.planning.planner import make_plan, schedule_nodes
+from ibfctl.surface.readers import read_influence, read_map
+from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX
+
+Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """A map's file, and what the file itself does not say."""
+
+    path: str
+    pixel_mm: float | None = None
+    unit: str | None = None
+    array: str | None = None
+
+
+@dataclass(frozen=True)
+class InfluenceFile:
+    """An influence function's file or formula, and what it does not say itself."""
+
+    spec: str
+    pixel_mm: float | None = None
+    unit: str | None = None
+
+
+def plan_files(
+    surface: MapFile,
+    influence: InfluenceFile,
+    machine: Path,
+    options: PlanOptions,
+    output: Path,
+    *,
+    on_progress: Report | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Plan:
+    """Plan a job from files and write the plan to `output`.
+
+    Raises
+    ------
+    InputError, LimitsError, SolverError, CancelledError
+        As `make_plan` and the readers do; nothing is written then.
+    """
+    surface_map = read_map(surface.path, pixel_mm=surface.pixel_mm, height_unit=surface.unit, array=surface.array)
+    tool = read_influence(influence.spec, pixel_mm=influence.pixel_mm, rate_unit=influence.unit)
+    inputs = {
+        "map": hashed(surface.path),
+        "influence": hashed(influence.spec),
+        "machine": hashed(machine),
+    }
+    if isinstance(options.path, Path):
+        inputs["path"] = hashed(options.path)
+    plan = make_plan(
+        surface_map,
+        tool,
+        read_machine(machine),
+        options,
+        progress=on_progress,
+        cancelled=cancelled,
+        inputs=inputs,
+    )
+    write_plan(plan, output)
+    return plan
+
+
+def schedule_file(timed_nodes: Path, machine: Path, corridor_mm: float | None, output: Path) -> Plan:
+    """Schedule nodes whose dwell times are given, and write the plan to `output`."""
+    nodes = read_timed_nodes(timed_nodes)
+    inputs = {"nodes": hashed(timed_nodes), "machine": hashed(machine)}
+    plan = schedule_nodes(
+        nodes.x_mm, nodes.y_mm, nodes.dwell_s, read_machine(machine), corridor_mm=corridor_mm, inputs=inputs
+    )
+    write_plan(plan, output)
+    return plan
+
+
+def hashed(spec: str | Path) -> InputFile:
+    """Return an input's name and SHA-256: of the file's bytes, or of the text of a formula."""
+    if str(spec).startswith(GAUSSIAN_PREFIX):
+        return InputFile(str(spec), hashlib.sha256(str(spec).encode()).hexdigest())
+    try:
+        with Path(spec).open("rb") as stream:
+            return InputFile(Path(spec).name, hashlib.file_digest(stream, "sha256").hexdigest())
+    except OSError as error:
+        raise InputError(f"{spec}: cannot be read ({error.strerror})", "check the path") from error

@@ -1,0 +1,56 @@
+"""The run file: what was executed, what it removed, and from which plan (docs/file-formats.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import h5py
+
+from ibfctl import __version__
+from ibfctl.jobs.atomic import atomic_path
+from ibfctl.planning.as_run import AsRun
+from ibfctl.planning.plan import InputFile, Plan
+from ibfctl.runs.outcome import RunOutcome
+from ibfctl.runs.trace import RunTrace
+
+FORMAT = "ibfctl-run/1"
+
+
+def write_run(
+    path: Path, plan: Plan, plan_file: InputFile, outcome: RunOutcome, trace: RunTrace, as_run: AsRun | None
+) -> None:
+    """Write a run file, completely or not at all."""
+    with atomic_path(path) as partial, h5py.File(partial, "w") as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["version"] = __version__
+        file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+        inputs = {"plan": plan_file, **plan.inputs}
+        file.attrs["inputs"] = json.dumps({role: dataclasses.asdict(item) for role, item in inputs.items()})
+        group = file.create_group("outcome")
+        for name, value in dataclasses.asdict(outcome).items():
+            if isinstance(value, dict):
+                group.create_group(name).attrs.update(value)
+            else:
+                group.attrs[name] = value
+        group = file.create_group("trace")
+        group.attrs["sample_period_s"] = trace.sample_period_s
+        _table(group, "sample", trace.sample)
+        _table(group, "gate_open", trace.gate_open)
+        for letter, counts in trace.position_counts.items():
+            axis = group.create_group(letter)
+            axis.attrs["counts_per_mm"] = plan.program.axes[letter].counts_per_mm
+            _table(axis, "position_counts", counts)
+        if as_run is not None and plan.surface is not None:
+            group = file.create_group("as_run")
+            group.attrs.update(pixel_mm=plan.surface.pixel_mm, x0_mm=plan.surface.x0_mm, y0_mm=plan.surface.y0_mm)
+            group.attrs.update(rms_nm=as_run.rms_nm, pv_nm=as_run.pv_nm)
+            group.attrs.update(max_difference_nm=as_run.max_difference_nm, rms_difference_nm=as_run.rms_difference_nm)
+            _table(group, "removal_nm", as_run.removal_nm)
+            _table(group, "residual_nm", as_run.residual_nm)
+
+
+def _table(group: h5py.Group, name: str, values: object) -> None:
+    group.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)

@@ -1,0 +1,43 @@
+"""The application: routers, problems, and the lifetime of the work under way."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+
+from ibfctl import __version__
+from ibfctl.service import problems
+from ibfctl.service.routers import influences, maps, plans, runs
+from ibfctl.service.settings import Settings
+from ibfctl.service.state import State
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """Make the application of one service.
+
+    It does no numerics and moves no stage: both happen in processes of their own, so that it answers at once.
+    Interactive API pages are left out because theirs come from a content network; /openapi.json is served.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.service = State(settings)
+        try:
+            yield
+        finally:
+            await app.state.service.close()
+
+    app = FastAPI(
+        title="ibfctl",
+        version=__version__,
+        summary="Plan and run deterministic finishing on Galil motion controllers.",
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+    )
+    problems.install(app)
+    for module in (maps, influences, plans, runs):
+        app.include_router(module.router, prefix="/v1")
+    return app

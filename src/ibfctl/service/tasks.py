@@ -1,0 +1,128 @@
+"""Numerical work of the service, in processes of their own.
+
+``python -m ibfctl.service.tasks NAME`` reads one line of JSON with the task's arguments and prints JSON lines with
+an ``event``: ``progress``, and at the end ``finished`` or ``failed``; the exit code is that of the error, or 0.
+The end of standard input (a dead parent closes it) cancels a plan.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from ibfctl.errors import IbfctlError
+from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
+from ibfctl.jobs.rehearsal import record
+from ibfctl.planning.file import read_plan
+from ibfctl.planning.options import PlanOptions
+from ibfctl.runs.outcome import RunOutcome
+from ibfctl.surface.map import Rectangle
+from ibfctl.surface.readers import read_influence, read_map
+
+Arguments = dict[str, Any]
+_NICENESS = 5
+
+
+def inspect_map(arguments: Arguments) -> Arguments:
+    """Read a map and return its figures."""
+    file = MapFile(**arguments)
+    surface = read_map(file.path, pixel_mm=file.pixel_mm, height_unit=file.unit, array=file.array)
+    valid_nm = surface.height_nm[np.isfinite(surface.height_nm)]
+    ny, nx = surface.height_nm.shape
+    return {
+        "nx": nx,
+        "ny": ny,
+        "pixel_mm": surface.pixel_mm,
+        "x0_mm": surface.x0_mm,
+        "y0_mm": surface.y0_mm,
+        "valid_pixels": int(valid_nm.size),
+        "rms_nm": float(valid_nm.std()),
+        "pv_nm": float(np.ptp(valid_nm)),
+    }
+
+
+def inspect_influence(arguments: Arguments) -> Arguments:
+    """Read an influence function and return its figures."""
+    file = InfluenceFile(**arguments)
+    influence = read_influence(file.spec, pixel_mm=file.pixel_mm, rate_unit=file.unit)
+    ny, nx = influence.rate_nm_s.shape
+    return {
+        "nx": nx,
+        "ny": ny,
+        "pixel_mm": influence.pixel_mm,
+        "radius_mm": influence.radius_mm,
+        "peak_rate_nm_s": influence.peak_rate_nm_s,
+        "volume_rate_nm_mm2_s": influence.volume_rate_nm_mm2_s,
+    }
+
+
+def plan(arguments: Arguments) -> Arguments:
+    """Plan a job and write the plan; return its summary."""
+    os.nice(_NICENESS)
+    options = dict(arguments["options"])
+    if options.get("clear_aperture") is not None:
+        options["clear_aperture"] = Rectangle(*options["clear_aperture"])
+    made = plan_files(
+        MapFile(**arguments["map"]),
+        InfluenceFile(**arguments["influence"]),
+        Path(arguments["machine"]),
+        PlanOptions(**options),
+        Path(arguments["output"]),
+        on_progress=lambda stage, fraction: _print("progress", stage=stage, fraction=fraction),
+        cancelled=_parent_is_gone(),
+    )
+    return made.summary()
+
+
+def record_run(arguments: Arguments) -> Arguments:
+    """Find what a finished run removed, and write the run file; return its figures."""
+    path = Path(arguments["plan"])
+    outcome = RunOutcome(**arguments["outcome"])
+    return record(read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])).summary()
+
+
+TASKS: dict[str, Callable[[Arguments], Arguments]] = {
+    "inspect-map": inspect_map,
+    "inspect-influence": inspect_influence,
+    "plan": plan,
+    "record-run": record_run,
+}
+
+
+def main() -> int:
+    """Do one task; return the exit code."""
+    arguments = cast(Arguments, json.loads(sys.stdin.readline()))
+    try:
+        figures = TASKS[sys.argv[1]](arguments)
+    except IbfctlError as error:
+        _print("failed", code=error.code, message=error.message, hint=error.hint)
+        return error.exit_code
+    _print("finished", figures=figures)
+    return 0
+
+
+def _parent_is_gone() -> Callable[[], bool]:
+    gone = threading.Event()
+
+    def watch() -> None:
+        while os.read(0, 4096):
+            pass
+        gone.set()
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
+    return gone.is_set
+
+
+def _print(event: str, **fields: Any) -> None:
+    print(json.dumps({"event": event, **fields}), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
