@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ibfctl_simulator.galil.clock import ScaledClock
-from ibfctl_simulator.galil.controller import LETTERS, Controller
+from ibfctl_simulator.galil.controller import Controller
 from ibfctl_simulator.galil.server import Emulator
 from ibfctl_simulator.galil.settings import SAMPLES_PER_SECOND, Settings
+from ibfctl_simulator.galil.state import LETTERS
 from ibfctl_simulator.galil.trace import TraceWriter
 
 FAILED = 2

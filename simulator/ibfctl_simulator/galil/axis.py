@@ -1,50 +1,34 @@
-"""One axis: its settings, its PVT buffer, and the motion it is executing."""
+"""One axis: its state, and how it passes samples and meets what lies on its way.
+
+Time passes in two steps. `look` tells how many samples pass before something happens on this axis
+(a profile ends, a limit is met, the following error grows too large); `take` lets samples pass. The
+controller takes the smallest number of all axes, so that an event always lies at the end of a chunk
+and what is done about it does not depend on how time is cut.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.errors import CommandError
-from ibfctl_simulator.galil.profiles import (
-    FloatArray,
-    PhasedProfile,
-    Profile,
-    jog_phases,
-    move_phases,
-    stop_phases,
-)
-from ibfctl_simulator.galil.pvt import RUNNING, UNDERRUN, PvtBuffer, PvtProfile
+from ibfctl_simulator.galil.parameters import LARGEST_POSITION, AxisParameters
+from ibfctl_simulator.galil.phases import stop_phases
+from ibfctl_simulator.galil.profiles import FloatArray, PhasedProfile, Profile
+from ibfctl_simulator.galil.pvt import UNDERRUN, PvtBuffer, PvtProfile
+from ibfctl_simulator.galil.servo import Servo
 from ibfctl_simulator.galil.settings import SAMPLES_PER_SECOND, Settings
+from ibfctl_simulator.galil.switches import Direction, Switches, first_true
 
-MOVING, ARRIVED, STOPPED, ABORTED = 0, 1, 4, 7
+MOVING, ARRIVED, STOPPED, ABORTED, OFF_ON_ERROR = 0, 1, 4, 7, 8
+LIMIT_CODES: dict[Direction, int] = {"forward": 2, "reverse": 3}
 
-
-@dataclass
-class AxisParameters:
-    """What the host sets, by command name; counts, counts/s, counts/s^2."""
-
-    values: dict[str, float] = field(
-        default_factory=lambda: {
-            "SP": 25000.0,
-            "AC": 256000.0,
-            "DC": 256000.0,
-            "PA": 0.0,
-            "PR": 0.0,
-            "JG": 25000.0,
-            "ER": 16384.0,
-            "OE": 0.0,
-        }
-    )
-
-    def __getitem__(self, name: str) -> float:
-        return self.values[name]
-
-    def __setitem__(self, name: str, value: float) -> None:
-        self.values[name] = value
+Mode = Literal["none", "absolute", "relative", "jog", "tracking", "pvt", "contour", "edge", "home", "index"]
+Event = Literal["limit", "position_error"]
 
 
 @dataclass(frozen=True)
@@ -53,12 +37,21 @@ class Motion:
 
     Attributes
     ----------
-    commanded_counts : (n,) float64
-    moving : (n,) bool, whether the profile generator was at work in that sample
+    commanded_counts, encoder_counts : (n,) float64
     """
 
     commanded_counts: FloatArray
-    moving: NDArray[np.bool_]
+    encoder_counts: FloatArray
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Coming samples, and what happens at the last of them."""
+
+    commanded: FloatArray
+    load: FloatArray
+    encoder: FloatArray
+    reaction: Callable[[], None] | None
 
 
 class Axis:
@@ -70,24 +63,45 @@ class Axis:
         self.sample_period_s = 1.0 / SAMPLES_PER_SECOND
         self.parameters = AxisParameters()
         self.buffer = PvtBuffer(settings.pvt_places)
+        self.servo = Servo(settings.servo)
+        self.switches = Switches(settings.switches)
         self.motor_on = settings.motor_on_at_start
         self.commanded_counts = 0.0
-        self.encoder_counts = 0
         self.velocity_counts_s = 0.0
+        self.dual_counts = 0
+        self.origin_counts = 0
+        """Physical position of what the host calls zero."""
         self.stop_code = ARRIVED
-        self._profile: Profile | None = None
-        self._pending = ""
-        self._jogging = False
+        self.mode: Mode = "none"
+        self.stopping = False
+        self.home_phase = 0
+        self.target: Literal["PA", "PR", "JG", "FE", "HM", "FI"] = "PA"
+        """Kind of the next independent move."""
+        self.events: set[Event] = set()
+        """What happened since the program engine last asked."""
+        self.profile: Profile | None = None
+        self.search: Callable[[FloatArray, float], int | None] | None = None
+        """While homing: index of the first coming physical position at which something is found."""
+        self.on_found: Callable[[], None] | None = None
+        self._on_ended: Callable[[], None] | None = None
+        self._sample = 0
+        self._error_seen = False
+        self._plan: _Plan | None = None
 
     @property
     def moving(self) -> bool:
         """Whether a profile is being generated."""
-        return self._profile is not None
+        return self.profile is not None and self.profile.busy
 
     @property
-    def jogging(self) -> bool:
-        """Whether the axis runs at a jog velocity."""
-        return self.moving and self._jogging
+    def quiet(self) -> bool:
+        """Whether nothing changes before the next command."""
+        if self.moving:
+            return False
+        if not self.motor_on:
+            return True
+        known = self.servo.faithful or self.error_too_large == self._error_seen
+        return known and self.servo.settled(self.commanded_counts)
 
     @property
     def reference_counts(self) -> int:
@@ -95,124 +109,86 @@ class Axis:
         return round(self.commanded_counts)
 
     @property
+    def encoder_counts(self) -> int:
+        """What the encoder reads at the present sample."""
+        return int(self.servo.read(np.array([self.servo.position_counts]), self._sample)[0])
+
+    @property
+    def physical_counts(self) -> float:
+        """Where the load is, whatever the host calls the place."""
+        return self.servo.position_counts + self.origin_counts
+
+    @property
     def error_counts(self) -> int:
         """Following error: commanded minus encoder position."""
         return self.reference_counts - self.encoder_counts
 
     @property
-    def in_pvt(self) -> bool:
-        """Whether the axis executes PVT segments."""
-        return isinstance(self._profile, PvtProfile)
+    def error_too_large(self) -> bool:
+        """Whether the following error exceeds `ER`."""
+        return 0 < self.parameters["ER"] < abs(self.error_counts)
+
+    def start_at(self, sample: int) -> None:
+        """Say which absolute sample it is; the encoder's noise depends on it."""
+        self._sample = sample
 
     def require_still(self) -> None:
         """Raise error 7 while the axis moves."""
-        if self.moving:
+        if self.profile is not None:
             raise CommandError(errors.WHILE_RUNNING)
+
+    def limit_active(self, direction: Direction) -> bool:
+        """Whether the limit switch of a direction is active."""
+        return self.switches.active_at(direction, self.physical_counts)
+
+    def limit_enabled(self, direction: Direction) -> bool:
+        """Whether `LD` leaves the limit switch of a direction in force."""
+        return self.parameters["LD"] not in ((1, 3) if direction == "forward" else (2, 3))
 
     def servo_on(self) -> None:
         """Hold the present position."""
         if not self.motor_on:
             self.commanded_counts = float(self.encoder_counts)
+            self.servo.place(self.commanded_counts)
         self.motor_on = True
+        self._error_seen = False
 
-    def servo_off(self) -> None:
-        """Switch the motor off; a running profile ends and the PVT buffer is lost."""
-        self.buffer.clear()
-        if self._profile is not None:
-            self._finish(STOPPED)
+    def servo_off(self, code: int = STOPPED) -> None:
+        """Switch the motor off; a running profile ends with `code`, and what is queued for it is lost."""
+        self.end_search()
+        if self.profile is not None:
+            self.profile.abandon()
+            self.finish(code)
+        self.servo.place(self.servo.position_counts)
         self.motor_on = False
 
     def define_position(self, counts: int) -> None:
         """Call the present commanded position `counts`; the following error stays."""
         self.require_still()
-        error = self.error_counts
-        self.commanded_counts = float(counts)
-        self.encoder_counts = counts - error
+        self.shift_origin(self.reference_counts - counts)
 
-    def set_target(self, name: str, counts: float) -> None:
-        """Choose the kind of the next independent move: `PA`, `PR` or `JG`."""
-        if name == "JG" and self.moving:
-            if not self._jogging:
-                raise CommandError(errors.NOT_JOGGING)
-            self.parameters["JG"] = counts
-            self._start_jog()
-            return
-        self.require_still()
-        self.parameters[name] = counts
-        self._pending = name
+    def shift_origin(self, by_counts: int) -> None:
+        """Move the place that the host calls zero forward; the axis stays where it is."""
+        self.origin_counts += by_counts
+        self.commanded_counts -= by_counts
+        self.servo.position_counts -= by_counts
+        if self.servo.frozen_counts is not None:
+            self.servo.frozen_counts -= by_counts
 
-    def check_begin(self) -> None:
-        """Raise the error that a `BG` on this axis would give."""
-        if not self.motor_on:
-            raise CommandError(errors.MOTOR_OFF)
-        if self.moving:
-            raise CommandError(errors.ALREADY_RUNNING)
+    def run(self, profile: Profile, mode: Mode, code: int) -> None:
+        """Start a profile; it may be over at once."""
+        self.profile, self.mode, self.stop_code, self.stopping = profile, mode, code, False
+        self._settle()
 
-    def begin(self) -> None:
-        """Start the independent move chosen last."""
-        if self._pending == "JG":
-            self._start_jog()
-            return
-        target = self.parameters["PA"]
-        if self._pending == "PR":
-            target = self.commanded_counts + self.parameters["PR"]
-        elif self._pending != "PA":
-            target = self.commanded_counts
-        speed = max(self.parameters["SP"], 1.0)
-        phases = move_phases(
-            target - self.commanded_counts, 0.0, speed, self.parameters["AC"], self.parameters["DC"]
-        )
-        self._run_phases(phases, MOVING, ARRIVED, end_counts=float(round(target)))
-
-    def check_begin_pvt(self) -> None:
-        """Raise the error that a `BT` on this axis would give."""
-        if not self.motor_on:
-            raise CommandError(self.settings.begin_motor_off_error)
-        if self.moving:
-            raise CommandError(self.settings.begin_running_error)
-        if not self.buffer.waiting and self.settings.begin_empty_error is not None:
-            raise CommandError(self.settings.begin_empty_error)
-
-    def begin_pvt(self) -> None:
-        """Start executing the buffered segments with the next sample."""
-        self._run(PvtProfile(self.buffer, self.commanded_counts, self.sample_period_s), RUNNING)
-
-    def stop(self, code: int = STOPPED, *, at_once: bool = False) -> None:
-        """Bring the axis to rest with DC (or at once), leaving stop code `code`; PVT segments are lost."""
-        self.buffer.clear()
-        if self._profile is None:
-            return
-        phases = [] if at_once else stop_phases(self.velocity_counts_s, self.parameters["DC"])
-        self._run_phases(phases, code, code)
-
-    def advance(self, samples: int) -> Motion | None:
-        """Move on by `samples`; None if the axis stood still all the time."""
-        if self._profile is None:
-            return None
-        commanded = np.empty(samples)
-        moving = np.zeros(samples, dtype=np.bool_)
-        done = 0
-        while self._profile is not None and done < samples:
-            profile = self._profile
-            positions = profile.look(samples - done)
-            profile.take(len(positions))
-            commanded[done : done + len(positions)] = positions
-            moving[done : done + len(positions)] = True
-            done += len(positions)
-            self._settle(profile)
-        commanded[done:] = self.commanded_counts
-        self.encoder_counts = self.reference_counts
-        return Motion(commanded, moving)
-
-    def _start_jog(self) -> None:
-        target = self.parameters["JG"]
-        phases = jog_phases(self.velocity_counts_s, target, self.parameters["AC"], self.parameters["DC"])
-        self._run_phases(phases, MOVING, ARRIVED)
-        self._jogging = True
-
-    def _run_phases(
-        self, phases: list[tuple[float, float]], code: int, end_code: int, end_counts: float | None = None
+    def run_phases(
+        self,
+        phases: list[tuple[float, float]],
+        mode: Mode,
+        code: int = MOVING,
+        end_code: int = ARRIVED,
+        end_counts: float | None = None,
     ) -> None:
+        """Start phases of constant acceleration from the present position and velocity."""
         profile = PhasedProfile(
             self.commanded_counts,
             self.velocity_counts_s,
@@ -221,16 +197,149 @@ class Axis:
             end_code=end_code,
             end_counts=end_counts,
         )
-        self._run(profile, code)
+        self.run(profile, mode, code)
 
-    def _run(self, profile: Profile, code: int) -> None:
-        self._profile = profile
-        self._jogging = False
-        self.stop_code = code
-        self._settle(profile)
+    def stop(self, code: int = STOPPED, *, at_once: bool = False) -> None:
+        """Bring the axis to rest with DC (or at once), leaving stop code `code`; what is queued is lost."""
+        self.end_search()
+        self.parameters["PT"] = 0.0
+        if self.profile is None:
+            return
+        self.profile.abandon()
+        phases = [] if at_once else stop_phases(self.velocity_counts_s, self.parameters["DC"])
+        self.run_phases(phases, self.mode, code, code)
+        self.stopping = self.profile is not None
 
-    def _settle(self, profile: Profile) -> None:
-        """Take over the state of `profile` and go on with what follows its end."""
+    def on_stopped(self, follow: Callable[[], None]) -> None:
+        """Do something once the axis has come to rest, at once if it already has."""
+        if self.profile is None:
+            follow()
+        else:
+            self._on_ended = follow
+
+    def end_search(self) -> None:
+        """Forget what homing looks for."""
+        self.search = self.on_found = self._on_ended = None
+        self.home_phase = 0
+
+    def finish(self, code: int) -> None:
+        """End the present profile where it is."""
+        self.commanded_counts = float(self.reference_counts)
+        if self.servo.ideal:
+            self.servo.place(self.commanded_counts)
+        self.velocity_counts_s = 0.0
+        self.stop_code, self.stopping, self.mode = code, False, "none"
+        self.profile = None
+        follow, self._on_ended = self._on_ended, None
+        if follow is not None:
+            follow()
+
+    def look(self, samples: int) -> int:
+        """Return how many samples pass until something happens on this axis, at most `samples`."""
+        self._plan = None
+        if self.quiet:
+            return samples
+        commanded = self._look_at_profile(samples)
+        load = commanded
+        if self.motor_on:
+            load = self.servo.look(commanded, self.commanded_counts, self.sample_period_s)
+        encoder = self.servo.read(load, self._sample + 1)
+        count, reaction = self._first_event(commanded, load, encoder)
+        self._plan = _Plan(commanded[:count], load[:count], encoder[:count], reaction)
+        return count
+
+    def take(self, samples: int) -> Motion | None:
+        """Let samples pass, at most as many as `look` has shown; None if the axis stood still."""
+        plan, self._plan = self._plan, None
+        self._sample += samples
+        if plan is None:
+            return None
+        if self.profile is not None:
+            self.profile.take(samples)
+        if self.motor_on:
+            self.servo.take(samples, plan.load)
+        self._settle()
+        if samples == len(plan.commanded) and plan.reaction is not None:
+            plan.reaction()
+        return Motion(plan.commanded[:samples], plan.encoder[:samples])
+
+    def _look_at_profile(self, samples: int) -> FloatArray:
+        """Commanded positions of the coming samples; a profile that has nothing left ends before them."""
+        while self.profile is not None:
+            positions = self.profile.look(samples)
+            if len(positions):
+                return positions
+            self.profile.take(0)
+            self._settle()
+        return np.full(samples, self.commanded_counts)
+
+    def _first_event(
+        self, commanded: FloatArray, load: FloatArray, encoder: FloatArray
+    ) -> tuple[int, Callable[[], None] | None]:
+        """Return how many samples pass up to the first event, and what is done about it."""
+        count, reaction = len(commanded), None
+        for found, react in (
+            (self._limit("forward", commanded, load), lambda: self._meet_limit("forward")),
+            (self._limit("reverse", commanded, load), lambda: self._meet_limit("reverse")),
+            (self._large_error(commanded, encoder), self._meet_error),
+            (self._found(load), self.on_found),
+        ):
+            if found is not None and found < count:
+                count, reaction = found + 1, react
+        return count, reaction
+
+    def _limit(self, direction: Direction, commanded: FloatArray, load: FloatArray) -> int | None:
+        """Index of the first sample that moves into a limit."""
+        if self.profile is None or (self.stopping and self.stop_code in LIMIT_CODES.values()):
+            return None
+        forward = direction == "forward"
+        place = self.parameters["FL" if forward else "BL"]
+        met = np.zeros(len(commanded), dtype=np.bool_)
+        if abs(place) < LARGEST_POSITION:
+            met |= commanded > place if forward else commanded < place
+        if self.limit_enabled(direction) and self.switches.present(direction):
+            met |= self.switches.active(direction, load + self.origin_counts)
+        if not met.any():
+            return None
+        steps = np.diff(commanded, prepend=self.commanded_counts)
+        return first_true(met & (steps > 0 if forward else steps < 0))
+
+    def _meet_limit(self, direction: Direction) -> None:
+        self.events.add("limit")
+        code = LIMIT_CODES[direction]
+        if self.parameters["OE"] in (2, 3):
+            self.servo_off(code)
+        else:
+            self.stop(code)
+
+    def _large_error(self, commanded: FloatArray, encoder: FloatArray) -> int | None:
+        if not self.motor_on or self.parameters["ER"] < 0:
+            return None
+        if self.servo.faithful and not self._error_seen:
+            return None
+        large = np.abs(np.rint(commanded) - encoder) > self.parameters["ER"]
+        return first_true(large != self._error_seen)
+
+    def _meet_error(self) -> None:
+        """Note that the following error became too large, or is small again."""
+        self._error_seen = not self._error_seen
+        if not self._error_seen:
+            return
+        self.events.add("position_error")
+        if self.parameters["OE"] in (1, 3):
+            self.stop_code = OFF_ON_ERROR
+            self.servo_off(OFF_ON_ERROR)
+
+    def _found(self, load: FloatArray) -> int | None:
+        if self.search is None:
+            return None
+        return self.search(load + self.origin_counts, self.physical_counts)
+
+    def _settle(self) -> None:
+        """Take over the state of the profile and go on with what follows its end."""
+        profile = self.profile
+        if profile is None:
+            return
         self.commanded_counts = profile.position_counts
         self.velocity_counts_s = profile.velocity_counts_s
         if profile.end_code is None:
@@ -238,12 +347,6 @@ class Axis:
         if profile.end_code == UNDERRUN and isinstance(profile, PvtProfile):
             self.stop(UNDERRUN, at_once=self.settings.underrun_deceleration == "instant")
         else:
-            self._finish(profile.end_code)
+            self.finish(profile.end_code)
 
-    def _finish(self, code: int) -> None:
-        self.commanded_counts = float(self.reference_counts)
-        self.encoder_counts = self.reference_counts
-        self.velocity_counts_s = 0.0
-        self.stop_code = code
-        self._jogging = False
-        self._profile = None
+

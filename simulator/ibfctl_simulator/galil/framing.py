@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
+END_OF_PROGRAM = "\\"
+
 
 class Framing:
-    """Cuts what one client sends into commands.
+    """Cuts what one client sends into commands, or into the lines of a program while it downloads one.
 
     A client may end its commands with `;` alone, so a part is handed out as soon as its `;` is there.
     The length of a line counts all its parts since the last CR; where everything received so far ended
@@ -15,45 +17,76 @@ class Framing:
 
     def __init__(self, line_characters: int) -> None:
         self._limit = line_characters
-        self._ready: deque[str | None] = deque()
+        self._parts: deque[str | None] = deque()
         self._buffer = ""
+        self._start = 0
         self._line_length = 0
         self._skipping = False
+        self._swallow_cr = False
 
     def push(self, data: bytes) -> None:
         """Add received bytes."""
-        lines = (self._buffer + data.decode("latin-1").replace("\n", "")).split("\r")
-        for line in lines[:-1]:
-            self._line(line)
-        self._rest(lines[-1])
+        self._buffer = self._buffer[self._start :] + data.decode("latin-1").replace("\n", "")
+        self._start = 0
 
     def next_command(self) -> str | None:
         """Return the next command, None for an over-long line; raises `LookupError` if there is none."""
-        if not self._ready:
-            raise LookupError
-        return self._ready.popleft()
+        while not self._parts:
+            line = self._take_line()
+            if line is None:
+                self._hand_out_ended_parts()
+                if not self._parts:
+                    raise LookupError
+            else:
+                self._hand_out_line(line)
+        return self._parts.popleft()
 
-    def _line(self, line: str) -> None:
+    def next_program_line(self) -> tuple[str, bool]:
+        """Return the next line of a program, and whether it is the end; raises `LookupError` if there is none."""
+        end = self._buffer.find(END_OF_PROGRAM, self._start)
+        carriage_return = self._buffer.find("\r", self._start)
+        if end >= 0 and (carriage_return < 0 or end < carriage_return):
+            line = self._buffer[self._start : end]
+            self._start = end + 1
+            # Some clients end the backslash with a CR; it is no command of its own.
+            self._swallow_cr = True
+            return line, True
+        taken = self._take_line()
+        if taken is None:
+            raise LookupError
+        return taken, False
+
+    def _take_line(self) -> str | None:
+        if self._swallow_cr and self._start < len(self._buffer):
+            self._start += self._buffer[self._start] == "\r"
+            self._swallow_cr = False
+        end = self._buffer.find("\r", self._start)
+        if end < 0:
+            return None
+        line = self._buffer[self._start : end]
+        self._start = end + 1
+        return line
+
+    def _hand_out_line(self, line: str) -> None:
         if self._skipping:
             self._skipping = False
         elif self._line_length + len(line) > self._limit:
-            self._ready.append(None)
+            self._parts.append(None)
         else:
-            self._ready.extend(part.strip() for part in line.split(";"))
+            self._parts.extend(part.strip() for part in line.split(";"))
         self._line_length = 0
 
-    def _rest(self, rest: str) -> None:
+    def _hand_out_ended_parts(self) -> None:
         """Keep an unfinished line, but hand out the parts that are already ended by `;`."""
-        self._buffer = rest
+        rest = self._buffer[self._start :]
+        self._buffer, self._start = rest, 0
         if self._skipping:
             self._buffer, self._skipping = "", not rest.endswith(";")
         elif self._line_length + len(rest) > self._limit:
-            self._ready.append(None)
-            self._buffer, self._skipping = "", True
+            self._parts.append(None)
+            self._buffer, self._skipping = "", not rest.endswith(";")
+            self._line_length = 0
         elif ";" in rest:
-            parts = rest.split(";")
-            self._ready.extend(part.strip() for part in parts[:-1])
-            self._buffer = parts[-1]
-            self._line_length += len(rest) - len(parts[-1])
-            if not parts[-1]:
-                self._line_length = 0
+            *ended, self._buffer = rest.split(";")
+            self._parts.extend(part.strip() for part in ended)
+            self._line_length = self._line_length + len(rest) - len(self._buffer) if self._buffer else 0

@@ -2,60 +2,119 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import dataclass
 
 from ibfctl_simulator.galil import errors
-from ibfctl_simulator.galil.commands import link, motion, outputs, pvt, status
-from ibfctl_simulator.galil.commands.request import Handler, Request
-from ibfctl_simulator.galil.controller import Controller
+from ibfctl_simulator.galil.commands import (
+    configuration,
+    contour,
+    flow,
+    homing,
+    link,
+    memory,
+    motion,
+    outputs,
+    programs,
+    pvt,
+    record,
+    status,
+    trippoints,
+    variables,
+)
+from ibfctl_simulator.galil.commands.request import Download, Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
-from ibfctl_simulator.galil.expressions import evaluate
 from ibfctl_simulator.galil.handles import Handles
-from ibfctl_simulator.galil.operands import ControllerValues
+from ibfctl_simulator.galil.programs.engine import Engine
+from ibfctl_simulator.galil.programs.thread import Thread, Wait
+from ibfctl_simulator.galil.record import RecordPusher
+from ibfctl_simulator.galil.state import State
 
-_VARIABLE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,7}")
+GOOD, BAD = ":", "?"
+
 _AXIS_LETTERS = frozenset("ABCDEFGHXYZWNMST")
+
+
+@dataclass(frozen=True)
+class Pending:
+    """A reply that is due when a wait is over."""
+
+    wait: Wait
+
+
+Reply = str | Pending | Download
+"""All that goes back for one command, or what has to happen first."""
 
 
 class Interpreter:
     """Carries commands out on a controller and forms the replies."""
 
-    def __init__(self, controller: Controller, handles: Handles) -> None:
-        self._controller = controller
+    def __init__(self, state: State, handles: Handles, engine: Engine, pusher: RecordPusher) -> None:
+        self._state = state
         self._handles = handles
-        self._handlers: dict[str, Handler] = {
-            **motion.TABLE,
-            **pvt.TABLE,
-            **status.TABLE,
-            **outputs.TABLE,
-            **link.TABLE,
-        }
+        self._engine = engine
+        self._pusher = pusher
+        self._handlers: dict[str, Handler] = {}
+        for module in (
+            configuration,
+            contour,
+            flow,
+            homing,
+            link,
+            memory,
+            motion,
+            outputs,
+            programs,
+            pvt,
+            record,
+            status,
+            trippoints,
+            variables,
+        ):
+            self._handlers.update(module.TABLE)
 
-    def reply(self, command: str, handle: str) -> str:
-        """Carry out one command of the client on `handle` and return all that goes back to it."""
+    def reply(self, command: str, handle: str) -> Reply:
+        """Carry out one command of the client on `handle` and return what goes back to it."""
         try:
-            text = self._execute(command, handle)
+            outcome = self._run(command, handle, None)
         except CommandError as error:
-            self._controller.error_code = error.code
-            return "?"
-        return ":" if text is None else f"{text}\r\n:"
+            self._state.error_code = error.code
+            return BAD
+        if outcome is None:
+            return GOOD
+        if isinstance(outcome, Wait):
+            return Pending(outcome)
+        if isinstance(outcome, Download):
+            return outcome
+        if isinstance(outcome, bytes):
+            return outcome.decode("latin-1") + GOOD
+        return f"{outcome}\r\n{GOOD}"
 
-    def _execute(self, command: str, handle: str) -> str | None:
+    def execute(self, command: str, thread: Thread) -> str | Wait | None:
+        """Carry out one statement of a program.
+
+        Raises
+        ------
+        CommandError
+            If it is rejected.
+        """
+        outcome = self._run(command, "", thread)
+        if isinstance(outcome, bytes | Download):
+            raise CommandError(errors.NOT_IN_PROGRAM)
+        return outcome
+
+    def _run(self, command: str, handle: str, thread: Thread | None) -> str | bytes | Wait | Download | None:
         if not command:
             return None
         name, equals, expression = command.partition("=")
         handler = self._handlers.get(command[:2])
         if equals and not (handler is not None and len(name) == 3 and name[2] in _AXIS_LETTERS):
-            stripped = name.strip()
-            if _VARIABLE.fullmatch(stripped):
-                return self._assign(stripped, expression)
+            target = variables.target(name)
+            if target is not None:
+                request = self._request(handle, thread, expression.strip())
+                return variables.assign(request, target)
         if handler is None:
             raise CommandError(errors.UNKNOWN_COMMAND)
-        return handler(Request(self._controller, self._handles, handle, command[2:]))
+        return handler(self._request(handle, thread, command[2:]))
 
-    def _assign(self, name: str, expression: str) -> str | None:
-        values = ControllerValues(self._controller)
-        if expression.strip() == "?":
-            return f"{values.variable(name):.4f}"
-        self._controller.variables[name] = evaluate(expression, values)
-        return None
+    def _request(self, handle: str, thread: Thread | None, text: str) -> Request:
+        return Request(self._state, self._handles, self._engine, self._pusher, handle, thread, text)

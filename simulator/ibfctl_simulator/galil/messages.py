@@ -10,7 +10,9 @@ from ibfctl_simulator.galil.expressions import Values, evaluate
 
 _FORMAT = re.compile(r"\{([ZF])(\d{1,2})\.(\d{1,2})\}")
 _CHARACTER = re.compile(r"\{\^(\d{1,3})\}")
-_PORT = re.compile(r"\{(?:P\d|E[A-H])\}")
+_PORT = re.compile(r"\{(?:P\d|E([A-H]))\}")
+
+NO_LINE_END = "{N}"
 
 
 def message(text: str, values: Values, *, leading_blank: bool) -> str:
@@ -21,7 +23,7 @@ def message(text: str, values: Values, *, leading_blank: bool) -> str:
     CommandError
         52 or 53 for unbalanced quotes or braces, and what `evaluate` raises.
     """
-    text = _PORT.sub("", text)
+    text = _PORT.sub("", text).replace(NO_LINE_END, "")
     parts = [_item(item.strip(), values) for item in _items(text) if item.strip()]
     if not parts:
         raise CommandError(errors.TOO_FEW_FIELDS)
@@ -31,6 +33,12 @@ def message(text: str, values: Values, *, leading_blank: bool) -> str:
         line += f" {part}" if is_value and was_value else part
     positive = first_is_value and not line.startswith("-")
     return f" {line}" if positive and leading_blank else line
+
+
+def target(text: str) -> str | None:
+    """Letter of the Ethernet handle that `{EA}` to `{EH}` in a message chooses, None if it chooses none."""
+    found = _PORT.search(text)
+    return None if found is None or found[1] is None else found[1]
 
 
 def _items(text: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Commanded motion as a function of time: what every motion mode must offer, and the trapezoids.
+"""Commanded motion as a function of time: what every motion mode must offer, and phased motion.
 
 Positions are counts, velocities counts/s, accelerations counts/s^2, all doubles.
 """
@@ -27,11 +27,18 @@ class Profile(Protocol):
     end_code: int | None
     """Stop code once the profile has ended, None while it runs."""
 
+    @property
+    def busy(self) -> bool:
+        """Whether motion is being generated; False for a mode that waits for data."""
+
     def look(self, samples: int) -> FloatArray:
         """Positions of at most `samples` coming samples; fewer where the profile ends before."""
 
     def take(self, samples: int) -> None:
         """Consume samples that `look` has shown."""
+
+    def abandon(self) -> None:
+        """Give up before the end: what is queued for this profile is lost."""
 
 
 class PhasedProfile:
@@ -84,6 +91,22 @@ class PhasedProfile:
         if self._total <= 0:
             self._end()
 
+    @property
+    def busy(self) -> bool:
+        """Always true: a move runs until it has ended."""
+        return True
+
+    @property
+    def slewing(self) -> bool:
+        """Whether the present phase has no acceleration."""
+        return bool(self._phase(self._taken * self._period_s)[3] == 0.0)
+
+    @property
+    def braking(self) -> bool:
+        """Whether the last phase is at work and slows the axis down."""
+        phase = self._phase(self._taken * self._period_s)
+        return bool(phase[0] == self._starts[-1, 0] and phase[3] * self.velocity_counts_s < 0.0)
+
     def look(self, samples: int) -> FloatArray:
         """Positions of the coming samples."""
         count = int(min(samples, self._total - self._taken))
@@ -102,6 +125,9 @@ class PhasedProfile:
             self.position_counts = float(positions[0])
             self.velocity_counts_s = float(velocities[0])
 
+    def abandon(self) -> None:
+        """Nothing is queued for a phased move."""
+
     def _end(self) -> None:
         self.position_counts = self._end_counts
         self.velocity_counts_s = 0.0
@@ -109,66 +135,12 @@ class PhasedProfile:
 
     def _evaluate(self, sample: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         time_s = sample * self._period_s
-        phase = self._starts[np.searchsorted(self._starts[:, 0], time_s, side="right") - 1]
+        phase = self._phase(time_s)
         since_s = time_s - phase[:, 0]
         velocity = phase[:, 2] + phase[:, 3] * since_s
         return phase[:, 1] + 0.5 * (phase[:, 2] + velocity) * since_s, velocity
 
-
-def move_phases(
-    distance: float, velocity: float, speed: float, acceleration: float, deceleration: float
-) -> list[tuple[float, float]]:
-    """Phases of a trapezoidal move over `distance` counts that ends at rest.
-
-    Parameters
-    ----------
-    distance : signed distance to the target in counts
-    velocity : signed velocity at the start in counts/s
-    speed, acceleration, deceleration : positive limits
-
-    Returns
-    -------
-    list of (duration in s, signed acceleration). A start velocity that leads away from the target,
-    or too fast to stop in time, is first brought to rest.
-    """
-    stop_distance = velocity * abs(velocity) / (2.0 * deceleration)
-    direction = 1.0 if distance >= 0 else -1.0
-    if velocity * direction < 0 or abs(stop_distance) > abs(distance):
-        rest = move_phases(distance - stop_distance, 0.0, speed, acceleration, deceleration)
-        return [(abs(velocity) / deceleration, -math.copysign(deceleration, velocity)), *rest]
-    start, length = abs(velocity), abs(distance)
-    if length == 0.0:
-        return []
-    if start > speed:
-        slowing = (start**2 - speed**2) / (2.0 * deceleration)
-        cruise = length - slowing - speed**2 / (2.0 * deceleration)
-        ramp = ((start - speed) / deceleration, -deceleration)
-        peak = speed
-    else:
-        # Speed at which accelerating from `start` must turn into braking to stop at the target.
-        work = 2.0 * acceleration * deceleration * length + deceleration * start**2
-        peak = min(speed, math.sqrt(work / (acceleration + deceleration)))
-        ramp = ((peak - start) / acceleration, acceleration)
-        ramps = (peak**2 - start**2) / (2.0 * acceleration) + peak**2 / (2.0 * deceleration)
-        cruise = max(0.0, length - ramps)
-    phases = [ramp, (cruise / peak, 0.0), (peak / deceleration, -deceleration)]
-    return [(duration, direction * rate) for duration, rate in phases if duration > 0.0]
-
-
-def jog_phases(
-    velocity: float, target: float, acceleration: float, deceleration: float
-) -> list[tuple[float, float]]:
-    """Phases from `velocity` to the jog velocity `target` (counts/s), held for ever after."""
-    phases: list[tuple[float, float]] = []
-    if velocity * target < 0.0:
-        phases.append((abs(velocity) / deceleration, -math.copysign(deceleration, velocity)))
-        velocity = 0.0
-    rate = acceleration if abs(target) >= abs(velocity) else deceleration
-    if target != velocity:
-        phases.append((abs(target - velocity) / rate, math.copysign(rate, target - velocity)))
-    return [*phases, (math.inf, 0.0)]
-
-
-def stop_phases(velocity: float, deceleration: float) -> list[tuple[float, float]]:
-    """Phases from `velocity` to rest."""
-    return [(abs(velocity) / deceleration, -math.copysign(deceleration, velocity))] if velocity else []
+    def _phase(self, time_s: NDArray[np.floating] | float) -> FloatArray:
+        """Rows of start time, position, velocity and acceleration of the phase at each time."""
+        rows: FloatArray = self._starts[np.searchsorted(self._starts[:, 0], time_s, side="right") - 1]
+        return rows

@@ -37,6 +37,15 @@ class PvtBuffer:
         self.places = places
         self.waiting: deque[Segment] = deque()
         self.executed = 0
+        self.lose_next = 0
+        """How many of the next segments a fault loses without a word."""
+
+    def add(self, segment: Segment) -> None:
+        """Queue a segment."""
+        if self.lose_next and segment.time_samples:
+            self.lose_next -= 1
+        else:
+            self.waiting.append(segment)
 
     @property
     def free(self) -> int:
@@ -63,6 +72,11 @@ class PvtProfile:
         self._start_velocity = 0.0
         buffer.executed = 0
         self._end_at_marker()
+
+    @property
+    def busy(self) -> bool:
+        """Always true: even without segments the axis is in its last sample of PVT."""
+        return True
 
     def look(self, samples: int) -> FloatArray:
         """Positions of the coming samples; none left means that the buffer ran empty."""
@@ -110,6 +124,10 @@ class PvtProfile:
                 self._active = waiting.popleft()
         if self._active is not None:
             self._follow(self._active)
+
+    def abandon(self) -> None:
+        """Lose the waiting segments."""
+        self._buffer.clear()
 
     def _within(self, samples: int) -> list[Segment]:
         """Segments that cover the coming samples, the active one first, up to the end marker."""

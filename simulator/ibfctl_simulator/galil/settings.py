@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+from ibfctl_simulator.galil.servo import ServoModel
+from ibfctl_simulator.galil.switches import SwitchPlaces
 
 SAMPLES_PER_SECOND = 1024
 """Samples per second at the default TM 1000."""
@@ -45,6 +48,14 @@ class Settings:
         Whether the servos hold after power-up. Unconfirmed.
     idle_inputs
         Level of an input that nothing drives. Unconfirmed.
+    commands_per_sample
+        Commands that all program threads together carry out in one sample. Unconfirmed.
+    burn_s
+        How long `BP` keeps the controller from answering, in s.
+    reset_keeps_connections
+        Whether TCP connections survive `RS`. Unconfirmed.
+    servo, switches
+        How each axis follows its command, and where its switches are.
     """
 
     family: Literal["40x0", "41x3"] = "40x0"
@@ -67,6 +78,11 @@ class Settings:
     latch_orderly_close: bool = False
     motor_on_at_start: bool = False
     idle_inputs: Literal[0, 1] = 1
+    commands_per_sample: int = 20
+    burn_s: float = 2.0
+    reset_keeps_connections: bool = False
+    servo: ServoModel = field(default_factory=ServoModel)
+    switches: SwitchPlaces = field(default_factory=SwitchPlaces)
 
     def __post_init__(self) -> None:
         if not 1 <= self.axes <= 8:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from ibfctl_simulator.galil.clock import SteppedClock
 from ibfctl_simulator.galil.controller import Controller
-from ibfctl_simulator.galil.server import EmulatorServer
+from ibfctl_simulator.galil.inprocess import EmulatorServer
 from ibfctl_simulator.galil.settings import Settings
 
 

@@ -8,7 +8,7 @@ import struct
 import pytest
 from ibfctl_simulator.galil.clock import ScaledClock
 from ibfctl_simulator.galil.controller import Controller
-from ibfctl_simulator.galil.server import EmulatorServer
+from ibfctl_simulator.galil.inprocess import EmulatorServer
 
 
 @pytest.mark.parametrize(

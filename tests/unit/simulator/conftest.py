@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import pytest
 from ibfctl_simulator.galil.controller import Controller
-from ibfctl_simulator.galil.handles import Handles
-from ibfctl_simulator.galil.interpreter import Interpreter
 from ibfctl_simulator.galil.settings import Settings
 
 
@@ -16,10 +14,13 @@ class Console:
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.controller = Controller(settings)
-        self._interpreter = Interpreter(self.controller, Handles())
+        self.state = self.controller.state
+        self.axis = self.state.axes[0]
 
     def __call__(self, command: str) -> str:
-        return self._interpreter.reply(command, "A")
+        reply = self.controller.reply(command, "A")
+        assert isinstance(reply, str), reply
+        return reply
 
     def good(self, *commands: str) -> None:
         """Send commands that must be accepted without data."""

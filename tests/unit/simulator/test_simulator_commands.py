@@ -132,7 +132,7 @@ def test_outputs_by_bit_expression_and_word(console):
     assert [console.number(f"@OUT[{n}]") for n in (1, 2, 3)] == [1, 0, 1]
     console.good("CB3", "OP 2")
     assert [console.number(f"@OUT[{n}]") for n in (1, 2, 3)] == [0, 1, 0]
-    assert console.controller.outputs == 2
+    assert console.state.outputs == 2
 
 
 def test_time_counts_samples(console):
@@ -141,7 +141,7 @@ def test_time_counts_samples(console):
 
 
 def test_the_sample_period_follows_tm(console):
-    assert console.controller.sample_period_s == 1 / 1024
+    assert console.state.sample_period_s == 1 / 1024
     console.controller.advance_to(1.0)
     console.good("TM 500")
     assert console.number("_TM") == 500

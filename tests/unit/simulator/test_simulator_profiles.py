@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from ibfctl_simulator.galil.profiles import PhasedProfile, jog_phases, move_phases, stop_phases
+from ibfctl_simulator.galil.phases import jog_phases, move_phases, stop_phases
+from ibfctl_simulator.galil.profiles import PhasedProfile
 
 PERIOD_S = 1 / 1024
 

@@ -26,7 +26,7 @@ def walk(console, samples):
     positions = []
     for _ in range(samples):
         console.controller.advance(1)
-        positions.append(console.controller.axes[0].encoder_counts)
+        positions.append(console.state.axes[0].encoder_counts)
     return positions
 
 
@@ -38,7 +38,7 @@ def test_the_manuals_parabola_ends_at_1334_counts_after_exactly_2_s(console):
     console.controller.advance(1)
     assert (console("TPA"), console("SCA"), console.number("_BGA")) == ("1334\r\n:", "31\r\n:", 0)
     assert console.number("_BTA") == 9
-    assert console.controller.samples == 2048
+    assert console.state.sample == 2048
 
 
 def test_the_manuals_parabola_is_the_parabola_at_every_sample(console):
@@ -57,7 +57,7 @@ def test_the_second_vector_moves_each_axis_on_times_of_its_own(console):
     seen = {}
     for sample in range(1, 3701):
         console.controller.advance(1)
-        seen[sample] = [axis.encoder_counts for axis in console.controller.axes]
+        seen[sample] = [axis.encoder_counts for axis in console.state.axes]
     assert [seen[sample][0] for sample in (1200, 1950, 2200, 3200, 3700)] == [1000, 2000, 2800, 6800, 6800]
     assert [seen[sample][1] for sample in (500, 1700, 2450, 2700, 3700)] == [500, 5000, 4000, 4200, 3300]
     assert console("SC") == "31, 31\r\n:"
@@ -95,7 +95,7 @@ def test_the_result_does_not_depend_on_how_time_is_cut(make_console):
         for samples in cut:
             console.controller.advance(samples)
             sample += samples
-            axis = console.controller.axes[0]
+            axis = console.state.axes[0]
             track[sample] = (axis.commanded_counts, axis.velocity_counts_s, axis.buffer.executed)
         tracks.append(track)
     assert {sample: tracks[0][sample] for sample in tracks[1]} == tracks[1]

@@ -6,8 +6,6 @@ import h5py
 import numpy as np
 import pytest
 from ibfctl_simulator.galil.controller import Controller
-from ibfctl_simulator.galil.handles import Handles
-from ibfctl_simulator.galil.interpreter import Interpreter
 from ibfctl_simulator.galil.settings import Settings
 from ibfctl_simulator.galil.trace import TraceWriter
 
@@ -17,14 +15,13 @@ def traced(tmp_path):
     path = tmp_path / "trace.h5"
     with TraceWriter(path, "AB", 1 / 1024) as trace:
         controller = Controller(Settings(motor_on_at_start=True), trace)
-        interpreter = Interpreter(controller, Handles())
 
         def play(*steps):
             for step in steps:
                 if isinstance(step, int):
                     controller.advance(step)
                 else:
-                    assert interpreter.reply(step, "A") == ":"
+                    assert controller.reply(step, "A") == ":"
             trace.close()
             with h5py.File(path) as file:
                 return {name: file[name][...] for name in file}, dict(file.attrs)

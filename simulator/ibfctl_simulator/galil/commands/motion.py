@@ -1,8 +1,8 @@
-"""Servo state and independent motion."""
+"""Servo state, independent motion, and the settings of the axes."""
 
 from __future__ import annotations
 
-from ibfctl_simulator.galil import errors
+from ibfctl_simulator.galil import errors, starts
 from ibfctl_simulator.galil.arguments import integer
 from ibfctl_simulator.galil.axis import ABORTED
 from ibfctl_simulator.galil.commands.request import Handler, Request
@@ -12,68 +12,85 @@ from ibfctl_simulator.galil.parameters import LARGEST_POSITION, PARAMETERS
 
 def set_parameter(request: Request, name: str) -> str | None:
     """`SPA=1`, `SP 1,2`, `SPA=?`, `SP ?,?`: set or ask a setting of the axes."""
-    controller = request.controller
     answers = []
     for index, text in request.fields():
-        axis = controller.axes[index]
+        axis = request.state.axes[index]
         if text == "?":
-            answers.append(f"{axis.parameters[name]:.0f}")
+            answers.append(f"{axis.parameters[name]:.4f}".rstrip("0").rstrip("."))
             continue
-        value = PARAMETERS[name](controller.time_setting).rounded(request.value(text))
+        value = PARAMETERS[name].rounded(request.value(text))
         if name in ("PA", "PR", "JG"):
-            axis.set_target(name, value)
+            starts.set_target(axis, name, value)
             continue
-        if name == "SP":
+        if name in ("SP", "PT"):
             axis.require_still()
         axis.parameters[name] = value
+        if name == "TL":
+            axis.servo.torque_limit_volts = value
     return ", ".join(answers) or None
 
 
 def servo_on(request: Request) -> None:
     """`SH AB`."""
     for index in request.axes():
-        request.controller.axes[index].servo_on()
+        request.state.axes[index].servo_on()
 
 
 def servo_off(request: Request) -> None:
     """`MO AB`."""
     for index in request.axes():
-        request.controller.axes[index].servo_off()
+        request.state.axes[index].servo_off()
 
 
 def begin(request: Request) -> None:
     """`BG AB`: all listed axes or none start."""
-    axes = [request.controller.axes[index] for index in request.axes()]
+    axes = [request.state.axes[index] for index in request.axes()]
     for axis in axes:
-        axis.check_begin()
+        starts.check_begin(axis)
     for axis in axes:
-        axis.begin()
+        starts.begin(axis)
 
 
 def stop(request: Request) -> None:
     """`ST AB`: decelerate with DC."""
     for index in request.axes():
-        request.controller.axes[index].stop()
+        request.state.axes[index].stop()
 
 
 def abort(request: Request) -> None:
-    """`AB`, `AB 1`: stop all axes at once."""
-    if request.text.strip() not in ("", "0", "1"):
+    """`AB`: stop all axes at once and halt the programs; `AB 1`: stop the axes only."""
+    form = request.text.strip()
+    if form not in ("", "0", "1"):
         raise CommandError(errors.OUT_OF_RANGE)
-    for axis in request.controller.axes:
+    for axis in request.state.axes:
         axis.stop(ABORTED, at_once=True)
+    if form != "1":
+        request.engine.halt()
 
 
 def define_position(request: Request) -> str | None:
     """`DPA=0`, `DP 0,0`, `DPA=?`."""
     answers = []
     for index, text in request.fields():
-        axis = request.controller.axes[index]
+        axis = request.state.axes[index]
         if text == "?":
             answers.append(str(axis.encoder_counts))
         else:
             counts = integer(request.value(text), -LARGEST_POSITION - 1, LARGEST_POSITION)
             axis.define_position(counts)
+    return ", ".join(answers) or None
+
+
+def define_dual_position(request: Request) -> str | None:
+    """`DEA=0`, `DE 0,0`, `DEA=?`: the auxiliary encoder or step count, which nothing moves."""
+    answers = []
+    for index, text in request.fields():
+        axis = request.state.axes[index]
+        if text == "?":
+            answers.append(str(axis.dual_counts))
+        else:
+            axis.require_still()
+            axis.dual_counts = integer(request.value(text), -LARGEST_POSITION - 1, LARGEST_POSITION)
     return ", ".join(answers) or None
 
 
@@ -89,4 +106,5 @@ TABLE: dict[str, Handler] = {
     "ST": stop,
     "AB": abort,
     "DP": define_position,
+    "DE": define_dual_position,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ibfctl_simulator.galil import errors
+from ibfctl_simulator.galil import errors, starts
 from ibfctl_simulator.galil.arguments import axis_index, integer
 from ibfctl_simulator.galil.commands.request import Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
@@ -17,8 +17,8 @@ CLEAR = -1
 def add_segment(request: Request) -> str | None:
     """`PVA=p,v,t`; `0,0,0` marks the end, `0,0,-1` empties the buffer, `PVA=?` asks for the free places."""
     letter, _, text = request.text.strip().partition("=")
-    settings = request.controller.settings
-    axis = request.controller.axes[axis_index(letter.strip(), settings.axes, settings.missing_axis_error)]
+    settings = request.state.settings
+    axis = request.state.axes[axis_index(letter.strip(), settings.axes, settings.missing_axis_error)]
     if text.strip() == "?":
         return str(axis.buffer.free)
     move, velocity, time = _three_numbers(request, text)
@@ -39,22 +39,22 @@ def add_segment(request: Request) -> str | None:
         if settings.pvt_full_error is not None:
             raise CommandError(settings.pvt_full_error)
         return None
-    axis.buffer.waiting.append(segment)
+    axis.buffer.add(segment)
     return None
 
 
 def begin(request: Request) -> None:
     """`BT AB`: all listed axes start on the same sample; none listed means all that have segments."""
-    controller = request.controller
-    axes = [controller.axes[index] for index in request.axes()]
+    state = request.state
+    axes = [state.axes[index] for index in request.axes()]
     if not request.text.strip():
         axes = [axis for axis in axes if axis.buffer.waiting]
-        if not axes and controller.settings.begin_empty_error is not None:
-            raise CommandError(controller.settings.begin_empty_error)
+        if not axes and state.settings.begin_empty_error is not None:
+            raise CommandError(state.settings.begin_empty_error)
     for axis in axes:
-        axis.check_begin_pvt()
+        starts.check_begin_pvt(axis)
     for axis in axes:
-        axis.begin_pvt()
+        starts.begin_pvt(axis)
 
 
 def _three_numbers(request: Request, text: str) -> tuple[float, float, float]:

@@ -1,0 +1,1 @@
+"""DMC programs: their memory, their threads, and the engine that runs them."""
