@@ -1,4 +1,4 @@
-"""A scripted controller behind a real socket: it moves in no time and does as it is told, or as it should not."""
+"""A scripted controller behind a real socket: it does as it is told, or as a test wants it to misbehave."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ class FakeGalil:
     """Answers commands on any number of handles and logs them in the order in which they arrive.
 
     `fault(handle, command)` may return bytes to send instead of the true answer, or None for that answer;
-    it may also raise `ConnectionResetError` to reset the handle.
+    it may also raise `ConnectionResetError` to reset the handle. Moves take no time, and PVT goes on by
+    `segments_per_poll` whenever the counts are asked for: nothing depends on the clock but `TIME`.
     """
 
     def __init__(self, fault: Answer | None = None, sample_rate_hz: float = 1024.0) -> None:
@@ -34,7 +35,7 @@ class FakeGalil:
         self.executed = {"A": 0, "B": 0}
         self.stop_code = {"A": 1, "B": 1}
         self.motor_off = {"A": 1, "B": 1}
-        self.executes = True
+        self.segments_per_poll = 20
         self._rate_hz = sample_rate_hz
         self._lock = threading.Lock()
         self._sockets: list[socket.socket] = []
@@ -93,18 +94,21 @@ class FakeGalil:
                         self.log.append((number, command))
                         answer = self.fault(number, command)
                         if answer is None:
-                            answer = self._answer(command)
+                            answer = self.answer(command)
                     handle.sendall(answer)
         except OSError:
             pass
         finally:
             handle.close()
 
-    def _answer(self, command: str) -> bytes:
+    def answer(self, command: str) -> bytes:
         if command == "\x12\x16":
             return self._text(self.identity)
         if command == "TC1":
             return self._text(self.reason)
+        if command.startswith("MG _BTA,_BTB"):
+            for letter in "AB":
+                self._go_on(letter)
         if command.startswith("MG "):
             return self._text(" ".join(f"{self._value(name):.4f}" for name in command[3:].split(",")))
         if match := re.fullmatch(r"PV([AB])=(-?\d+),(-?\d+),(-?\d+)", command):
@@ -122,7 +126,6 @@ class FakeGalil:
             self.queued[letter].clear()
         else:
             self.queued[letter].append((move, velocity, time_samples))
-            self._drain(letter)
 
     def _act(self, verb: str, letters: str) -> None:
         for letter in letters:
@@ -135,11 +138,11 @@ class FakeGalil:
                 self.stop_code[letter] = 4
             elif verb == "BT":
                 self.executed[letter], self.stop_code[letter] = 0, 30
-                self._drain(letter)
 
-    def _drain(self, letter: str) -> None:
-        """While PVT runs, segments take no time."""
-        while self.executes and self.stop_code[letter] == 30 and self.queued[letter]:
+    def _go_on(self, letter: str) -> None:
+        for _ in range(self.segments_per_poll):
+            if self.stop_code[letter] != 30 or not self.queued[letter]:
+                return
             move, _, time_samples = self.queued[letter].pop(0)
             self.position[letter] += move
             self.executed[letter] += 1

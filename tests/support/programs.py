@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
+from ibfctl.machine.controller import MotionController
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import AxisProgram, PvtProgram
+from ibfctl.runs.drivers import connect
 
 SAMPLE_S = 1 / 1024
 
@@ -31,10 +36,22 @@ def program(segments: int, time_samples: int = 60, start_counts: tuple[int, int]
     phase = np.linspace(0, 1, segments + 1)
     ramp = np.sin(np.pi * phase) ** 2
     axes = {}
-    for letter, start, turns, height in (("A", start_counts[0], segments / 40, 5000), ("B", start_counts[1], 1, 3000)):
+    for letter, start, turns, height in (
+        ("A", start_counts[0], segments / 40, 5000),
+        ("B", start_counts[1], 1, 3000),
+    ):
         position = np.rint(height * ramp * np.sin(2 * np.pi * turns * phase)).astype(np.int64)
         slope = np.gradient(position, time_samples * SAMPLE_S)
         slope[[0, -1]] = 0
         axes[letter] = AxisProgram(np.diff(position), np.rint(slope[1:]).astype(np.int64), start, 1000.0)
     times = np.full(segments, time_samples, dtype=np.int64)
     return PvtProgram(axes, {"x": "A", "y": "B"}, times, SAMPLE_S)
+
+
+@contextmanager
+def connected(bench: MachineDescription) -> Iterator[MotionController]:
+    controller = connect(bench)
+    try:
+        yield controller
+    finally:
+        controller.close()

@@ -11,10 +11,10 @@ from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import MAX_SEGMENT_SAMPLES, AxisProgram, PvtProgram
 
 PERIOD_TOLERANCE = 1e-4
-MEASURE_S = (0.5, 2.0, 5.0)
+MEASURE_S = (0.25, 1.0, 4.0)
 """A noisy host may spoil a short measurement, so a doubtful one is repeated with more patience."""
 
-DOUBTFUL = 10 * PERIOD_TOLERANCE
+DOUBTFUL = 50 * PERIOD_TOLERANCE
 
 
 def check_program(program: PvtProgram, machine: MachineDescription) -> None:

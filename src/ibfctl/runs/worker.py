@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ibfctl.errors import AbortedError, IbfctlError, InputError
 from ibfctl.machine.controller import MotionController
-from ibfctl.machine.description import MachineDescription
+from ibfctl.machine.description import MachineDescription, read_machine
 from ibfctl.machine.program import PvtProgram
 from ibfctl.planning.file import read_plan
 from ibfctl.runs.drivers import connect
@@ -39,7 +39,9 @@ class Job(BaseModel):
     Attributes
     ----------
     plan
-        The plan file; it holds program and machine.
+        The plan file; it holds the program and the machine that it was planned for.
+    machine
+        Machine file to run with, where host or port have changed; the plan's own if not given.
     trace
         If given, an emulated controller is started for this run, and writes its trace there.
     speed
@@ -49,6 +51,7 @@ class Job(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     plan: Path
+    machine: Path | None = None
     trace: Path | None = None
     speed: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
 
@@ -98,7 +101,8 @@ def main() -> int:
         job = _parse(lines.next() or "")
         threading.Thread(target=_watch, args=(lines, abort), name="run-commands", daemon=True).start()
         plan = read_plan(job.plan)
-        outcome = run_program(plan.program, plan.machine, _print, abort, trace=job.trace, speed=job.speed)
+        machine = plan.machine if job.machine is None else read_machine(job.machine)
+        outcome = run_program(plan.program, machine, _print, abort, trace=job.trace, speed=job.speed)
     except IbfctlError as error:
         _print({"event": "failed", "code": error.code, "message": error.message, "hint": error.hint})
         return error.exit_code
@@ -135,7 +139,7 @@ def _parse(line: str) -> Job:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"])) or "the line"
-        hint = "give one line of JSON with plan, trace and speed"
+        hint = "give one line of JSON with plan, machine, trace and speed"
         raise InputError(f"job: {place}: {first['msg']}", hint) from error
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.programs import machine, program
+from support.programs import connected, machine, program
 
 from ibfctl.errors import AbortedError, ControllerError, RunError
 from ibfctl.machine.controller import MotionController
@@ -79,9 +79,8 @@ def test_the_trace_shows_the_cubics_with_the_gate_open(trace_file: Path) -> None
     job = program(320)
     with emulated_controller(trace_file, speed=SPEED) as emulated:
         bench = emulated.in_place_of(machine())
-        controller = connect(bench)
-        execute(job, bench, controller, time_scale=SPEED)
-        controller.close()
+        with connected(bench) as controller:
+            execute(job, bench, controller, time_scale=SPEED)
     trace = read_emulator_trace(trace_file, bench)
     exposed = np.flatnonzero(trace.gate_open)
     first, last = exposed[0], exposed[-1]
@@ -115,7 +114,9 @@ def test_an_abort_closes_the_gate_and_stops_at_once(
 def test_a_second_run_follows_an_aborted_one(bench: MachineDescription, controller: MotionController) -> None:
     abort = threading.Event()
     with pytest.raises(AbortedError):
-        execute(program(400), bench, controller, time_scale=SPEED, abort=abort, on_progress=lambda _: abort.set())
+        execute(
+            program(400), bench, controller, time_scale=SPEED, abort=abort, on_progress=lambda _: abort.set()
+        )
     assert execute(program(20), bench, controller, time_scale=SPEED).segments_executed == 20
 
 
@@ -131,10 +132,8 @@ def test_a_host_that_stalls_closes_the_gate_before_the_buffer_is_empty(trace_fil
 
     with emulated_controller(trace_file, speed=SPEED) as emulated:
         bench = emulated.in_place_of(machine())
-        controller = connect(bench)
-        with pytest.raises(RunError, match="about to run empty"):
+        with connected(bench) as controller, pytest.raises(RunError, match="about to run empty"):
             execute(job, bench, controller, time_scale=SPEED, on_progress=stall)
-        controller.close()
     trace = read_emulator_trace(trace_file, bench)
     exposed = np.flatnonzero(trace.gate_open)
     closed, dry = exposed[-1], trace.sample.size - 1

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from support.fake_galil import FakeGalil
-from support.programs import SAMPLE_S, machine
+from support.programs import SAMPLE_S, connected, machine
 
 from ibfctl.machine.program import AxisProgram, PvtProgram
-from ibfctl.runs.drivers import connect
 from ibfctl.runs.streamer import execute
 
 GOLDEN = Path(__file__).with_name("golden_transcript.txt")
@@ -26,16 +25,15 @@ def small_plan() -> PvtProgram:
 
 def transcript(log: list[tuple[int, str]]) -> str:
     lines = [f"{HANDLES[handle]:6} {command.encode('unicode_escape').decode()}" for handle, command in log]
-    return "".join(f"{line}\n" if len(list(same)) == 1 else f"{line}  (repeated)\n" for line, same in groupby(lines))
+    return "".join(
+        f"{line}\n" if len(list(same)) == 1 else f"{line}  (repeated)\n" for line, same in groupby(lines)
+    )
 
 
 def test_the_bytes_of_a_small_plan() -> None:
     with FakeGalil(sample_rate_hz=102_400) as galil:
         bench = machine(port=galil.port)
-        controller = connect(bench)
-        try:
+        with connected(bench) as controller:
             outcome = execute(small_plan(), bench, controller, time_scale=100)
-        finally:
-            controller.close()
     assert outcome.segments_executed == 4
     assert transcript(galil.log) == GOLDEN.read_text(encoding="ascii")
