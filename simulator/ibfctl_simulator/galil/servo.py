@@ -92,7 +92,7 @@ class Servo:
         state = (self.position_counts, self.velocity_counts_s, self.torque_volts)
         self._track = []
         for commanded in commanded_counts.tolist():
-            state = step(state, commanded, (commanded - previous_counts) / period_s, period_s)
+            state = step(state, previous_counts, commanded, period_s)
             previous_counts = commanded
             self._track.append(state)
         return np.array([position for position, _, _ in self._track])
@@ -117,20 +117,21 @@ class Servo:
         return readings * model.encoder_resolution_counts - self.disturbance_counts
 
     def _lag(
-        self, state: tuple[float, float, float], commanded: float, _speed: float, period_s: float
+        self, state: tuple[float, float, float], _previous: float, commanded: float, period_s: float
     ) -> tuple[float, float, float]:
         share = period_s / (self.model.time_constant_s + period_s)
         position = state[0] + share * (commanded - state[0])
         return position, (position - state[0]) / period_s, 0.0
 
     def _second_order(
-        self, state: tuple[float, float, float], commanded: float, speed: float, period_s: float
+        self, state: tuple[float, float, float], previous: float, commanded: float, period_s: float
     ) -> tuple[float, float, float]:
+        """Act during this sample on the error at the end of the one before, as a sampled servo does."""
         model = self.model
         position, velocity, _ = state
         omega = 2.0 * np.pi * model.natural_frequency_hz
-        wanted_speed = speed if model.velocity_feedforward else 0.0
-        acceleration = omega**2 * (commanded - position)
+        wanted_speed = (commanded - previous) / period_s if model.velocity_feedforward else 0.0
+        acceleration = omega**2 * (previous - position)
         acceleration += 2.0 * model.damping * omega * (wanted_speed - velocity)
         torque = 0.0
         if model.acceleration_limit_counts_s2 is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
 from ibfctl_simulator.galil.clock import SteppedClock
@@ -69,3 +70,18 @@ def connect(server: EmulatorServer) -> Iterator[Callable[[], Client]]:
 def client(connect: Callable[[], Client]) -> Client:
     """One client."""
     return connect()
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[..., Client]]:
+    """Start an emulator with settings of its own and connect a client to it."""
+    with ExitStack() as stack:
+
+        def serve(**settings: object) -> Client:
+            controller = Controller(Settings(**settings))
+            running = stack.enter_context(EmulatorServer(controller, SteppedClock()))
+            client = Client(running.port)
+            stack.callback(client.close)
+            return client
+
+        yield serve

@@ -74,5 +74,5 @@ class Thread:
     def leave(self, *, restore_wait: bool) -> None:
         """Return from the innermost subroutine."""
         frame = self.stack.pop()
-        self.place = frame.place
+        self.place, self.current_line = frame.place, frame.place.line
         self.wait = frame.wait if restore_wait else None
