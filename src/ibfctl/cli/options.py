@@ -36,7 +36,7 @@ def _machine_path(ctx: click.Context, param: click.Parameter, value: str | None)
     if value is None:
         return None
     path = Path(value)
-    return shipped_machine(value) if path.suffix == "" and path.name == value and not path.exists() else path
+    return shipped_machine(value) if path.suffix == "" and path.name == value and not path.is_file() else path
 
 
 def machine_option(*, required: bool) -> Decorator:

@@ -1,0 +1,56 @@
+"""From upload to as-run residual over REST alone, against the service as its own process."""
+
+import time
+
+import httpx
+import pytest
+
+from tests.support.served import PATIENCE_S, ended
+from tests.support.small_job import TIF, SmallJob
+
+
+def test_from_upload_to_as_run_residual(served: httpx.Client, small_job: SmallJob) -> None:
+    answer = served.post("/v1/maps", params={"format": "npz"}, content=small_job.map.read_bytes())
+    assert answer.status_code == 201
+    surface = answer.json()
+    assert (surface["figures"]["nx"], surface["figures"]["ny"]) == (48, 32)
+    influence = served.post("/v1/influences", params={"formula": TIF}).raise_for_status().json()
+    assert influence["figures"]["peak_rate_nm_s"] == 4.0
+
+    request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
+    answer = served.post("/v1/plans", json=request)
+    assert answer.status_code == 202
+    plan = ended(served, answer.headers["Location"])
+    assert plan["state"] == "done", plan
+    assert plan["summary"]["certificate"]["passed"] is True
+
+    answer = served.post("/v1/runs", json={"plan_id": plan["id"]})
+    assert answer.status_code == 202
+    run = ended(served, answer.headers["Location"])
+    assert run["state"] == "done", run
+    assert run["figures"]["as_run_rms_nm"] == pytest.approx(plan["summary"]["executed_rms_nm"], abs=0.01)
+    assert run["figures"]["final_position_error_counts"] == {"A": 0, "B": 0}
+
+    for place, start in ((f"/v1/plans/{plan['id']}/plan.h5", b"\x89HDF"), (f"/v1/runs/{run['id']}/run.h5", b"\x89HDF")):
+        assert served.get(place).raise_for_status().content.startswith(start)
+
+
+def test_an_abort_ends_the_run_and_says_so(served: httpx.Client, small_job: SmallJob) -> None:
+    surface = served.post("/v1/maps", params={"format": "npz"}, content=small_job.map.read_bytes()).json()
+    weak = TIF.replace("peak_nm_s=4", "peak_nm_s=0.01")  # hours of beam time: the run is surely under way
+    influence = served.post("/v1/influences", params={"formula": weak}).json()
+    request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
+    plan = ended(served, served.post("/v1/plans", json=request).headers["Location"])
+    assert plan["state"] == "done", plan
+    place = served.post("/v1/runs", json={"plan_id": plan["id"]}).headers["Location"]
+    busy = served.post("/v1/runs", json={"plan_id": plan["id"]})
+    assert (busy.status_code, busy.json()["code"]) == (409, "conflict")
+    deadline = time.monotonic() + PATIENCE_S
+    while "progress" not in served.get(place).json() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    progress = served.get(place).json()["progress"]
+    assert progress["margin_s"] > 0
+    assert served.post(f"{place}/abort").status_code == 202
+    run = ended(served, place)
+    assert (run["state"], run["error"]["code"]) == ("aborted", "aborted")
+    assert run["error"]["detail"]

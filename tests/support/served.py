@@ -1,0 +1,44 @@
+"""The service on a real socket, in a thread of the test."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+import pytest
+import uvicorn
+
+from ibfctl.service.app import create_app
+from ibfctl.service.settings import Settings
+
+PATIENCE_S = 60.0
+
+
+def ended(client: httpx.Client, place: str) -> dict[str, Any]:
+    """Wait until a plan or a run is over, and return its record."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        record: dict[str, Any] = client.get(place).raise_for_status().json()
+        if record["state"] not in ("queued", "running"):
+            return record
+        time.sleep(0.02)
+    pytest.fail(f"{place} is still {record}")
+
+
+@contextmanager
+def serving(settings: Settings) -> Iterator[httpx.Client]:
+    server = uvicorn.Server(uvicorn.Config(create_app(settings), log_level="error", lifespan="on"))
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="service")
+        thread.start()
+        try:
+            while not server.started and thread.is_alive():
+                time.sleep(0.005)
+            with httpx.Client(base_url=f"http://127.0.0.1:{listener.getsockname()[1]}", timeout=30) as client:
+                yield client
+        finally:
+            server.should_exit = True
+            thread.join()
