@@ -18,7 +18,7 @@ class PlanOptions:
     Attributes
     ----------
     path
-        "raster", or a CSV file of nodes (`x_mm,y_mm`).
+        "raster", or a CSV file of nodes (`x_mm,y_mm`); "nodes" marks a schedule of given nodes.
     pitch_mm, step_mm
         Distance between lines and between nodes along a line.
     scan_axis
@@ -34,7 +34,7 @@ class PlanOptions:
         How far the executed path may leave its programmed segment; None for 5 % of the pitch.
     """
 
-    path: Literal["raster"] | Path = "raster"
+    path: Literal["raster", "nodes"] | Path = "raster"
     pitch_mm: float = 0.5
     step_mm: float = 0.5
     scan_axis: Literal["x", "y"] = "x"

@@ -95,7 +95,12 @@ def gaussian(fwhm_mm: float, peak_nm_s: float, radius_mm: float, pixel_mm: float
     pixel_mm
         Pitch on which it is sampled.
     """
-    for name, value in (("fwhm_mm", fwhm_mm), ("peak_nm_s", peak_nm_s), ("radius_mm", radius_mm), ("pixel_mm", pixel_mm)):
+    for name, value in (
+        ("fwhm_mm", fwhm_mm),
+        ("peak_nm_s", peak_nm_s),
+        ("radius_mm", radius_mm),
+        ("pixel_mm", pixel_mm),
+    ):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"gaussian influence function: {name} is {value:g}, it must be positive", "correct it")
     half = int(np.ceil(radius_mm / pixel_mm - 1e-9))

@@ -1,0 +1,145 @@
+"""The removal operator: from seconds of every step to nanometres on the map, and its exact adjoint.
+
+Time is deposited on a grid in line with the map and convolved with the influence function by one real
+transform each way: N log N in the pixels, never a stamp per path point.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, sparse
+
+from ibfctl.dwell.deposition import Grid, deposition_matrix, grid_around, spread
+from ibfctl.surface.influence import InfluenceFunction
+
+FloatArray = NDArray[np.float64]
+
+
+class Convolution:
+    """Removal on a map's pixels from seconds deposited on a second grid in line with it.
+
+    Parameters
+    ----------
+    target
+        Grid of the map.
+    source
+        Grid on which time is deposited; same pitch and phase as `target`.
+    influence
+        Influence function; resampled to the pitch of the grids.
+    """
+
+    def __init__(self, target: Grid, source: Grid, influence: InfluenceFunction) -> None:
+        kernel = influence.resampled(target.pixel_mm).rate_nm_s
+        half_y, half_x = kernel.shape[0] // 2, kernel.shape[1] // 2
+        row0 = round((target.y0_mm - source.y0_mm) / target.pixel_mm)
+        column0 = round((target.x0_mm - source.x0_mm) / target.pixel_mm)
+        self._target_shape = (target.ny, target.nx)
+        self._source_shape = (source.ny, source.nx)
+        # Circular images of the kernel must not reach the map from any deposited pixel.
+        self._shape = (
+            _length(row0, target.ny, source.ny, half_y),
+            _length(column0, target.nx, source.nx, half_x),
+        )
+        self._rows = (row0 + np.arange(target.ny)) % self._shape[0]
+        self._columns = (column0 + np.arange(target.nx)) % self._shape[1]
+        padded = np.zeros(self._shape)
+        rows = (np.arange(kernel.shape[0]) - half_y) % self._shape[0]
+        columns = (np.arange(kernel.shape[1]) - half_x) % self._shape[1]
+        padded[np.ix_(rows, columns)] = kernel
+        self._transfer = fft.rfft2(padded, workers=self._workers)
+
+    @property
+    def _workers(self) -> int:
+        return 2 if self._shape[0] * self._shape[1] > 1 << 17 else 1
+
+    def __call__(self, time_s: FloatArray) -> FloatArray:
+        """Removal (ny, nx) in nm from seconds on the source grid."""
+        spectrum = fft.rfft2(time_s, self._shape, workers=self._workers)
+        spectrum *= self._transfer
+        removal = fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True)
+        return removal[np.ix_(self._rows, self._columns)]
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        """Adjoint of the call: from values on the map (ny, nx) to the source grid."""
+        padded = np.zeros(self._shape)
+        padded[np.ix_(self._rows, self._columns)] = values
+        spectrum = fft.rfft2(padded, workers=self._workers)
+        spectrum *= np.conj(self._transfer)
+        correlated = fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True)
+        return correlated[: self._source_shape[0], : self._source_shape[1]]
+
+
+def _length(offset: int, target: int, source: int, half: int) -> int:
+    """Shortest fast transform length without wrap-around between source and target pixels."""
+    reach = max(offset + target - 1, source - 1 - offset)
+    return int(fft.next_fast_len(max(reach + half + 1, source, target), real=True))
+
+
+class RemovalOperator:
+    """Linear map from the seconds spent on n steps to the removal on a map.
+
+    Parameters
+    ----------
+    target
+        Grid of the map.
+    influence
+        Tool influence function.
+    x_mm, y_mm : (p,) float64
+        Where time is spent, in the order of the steps: one dwell point each, or points along their motion.
+    share : (p,) float64, optional
+        Share of its step's time that is spent at each point; all of it by default.
+    first_point : (n + 1,) int64, optional
+        Step i owns the points from `first_point[i]` up to `first_point[i + 1]`; one each by default.
+    """
+
+    def __init__(
+        self,
+        target: Grid,
+        influence: InfluenceFunction,
+        x_mm: FloatArray,
+        y_mm: FloatArray,
+        share: FloatArray | None = None,
+        first_point: NDArray[np.int64] | None = None,
+    ) -> None:
+        if share is None:
+            share = np.ones(x_mm.size)
+        if first_point is None:
+            first_point = np.arange(x_mm.size + 1)
+        self.source = grid_around(target, x_mm, y_mm)
+        self.convolution = Convolution(target, self.source, influence)
+        self.gather = deposition_matrix(self.source, x_mm, y_mm, share, first_point)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, n."""
+        return int(self.gather.shape[0])
+
+    @cached_property
+    def _deposit(self) -> sparse.csr_array:
+        return self.gather.T.tocsr()
+
+    def __call__(self, time_s: FloatArray) -> FloatArray:
+        """Removal (ny, nx) in nm for `time_s` (n,)."""
+        return self.convolution((self._deposit @ time_s).reshape(self.source.ny, self.source.nx))
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        """Adjoint of the call: (n,) from values (ny, nx) on the map."""
+        return np.asarray(self.gather @ self.convolution.adjoint(values).ravel())
+
+
+def removal_of_samples(
+    target: Grid, influence: InfluenceFunction, x_mm: FloatArray, y_mm: FloatArray, time_s: FloatArray
+) -> FloatArray:
+    """Removal (ny, nx) in nm of a tool that spent `time_s` (n,) at positions (n,), without building a matrix."""
+    source = grid_around(target, x_mm, y_mm)
+    deposited = np.zeros(source.ny * source.nx)
+    chunk = 1 << 17
+    for first in range(0, x_mm.size, chunk):
+        part = slice(first, first + chunk)
+        indices, weights = spread(source, x_mm[part], y_mm[part])
+        weights *= np.broadcast_to(time_s, x_mm.shape)[part, None]
+        deposited += np.bincount(indices.ravel(), weights.ravel(), minlength=deposited.size)
+    return Convolution(target, source, influence)(deposited.reshape(source.ny, source.nx))

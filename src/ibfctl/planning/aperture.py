@@ -1,0 +1,76 @@
+"""The clear aperture on a map: checked, before anything is computed from it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.errors import InputError
+from ibfctl.surface.influence import InfluenceFunction
+from ibfctl.surface.map import Rectangle, SurfaceMap
+
+
+def clear_aperture_mask(surface: SurfaceMap, rectangle: Rectangle | None) -> NDArray[np.bool_]:
+    """Pixels (ny, nx) of the clear aperture that hold data.
+
+    Raises
+    ------
+    InputError
+        If the rectangle is no rectangle or holds no data.
+    """
+    valid = np.isfinite(surface.height_nm)
+    if rectangle is None:
+        return valid
+    r = rectangle
+    if not (np.isfinite([r.x0_mm, r.x1_mm, r.y0_mm, r.y1_mm]).all() and r.x0_mm < r.x1_mm and r.y0_mm < r.y1_mm):
+        raise InputError(
+            f"clear aperture: x {r.x0_mm:g} to {r.x1_mm:g}, y {r.y0_mm:g} to {r.y1_mm:g} mm is empty",
+            "give --clear-aperture X0,X1,Y0,Y1 with X0 < X1 and Y0 < Y1",
+        )
+    slack = 1e-9 * surface.pixel_mm
+    inside_x = (surface.x_mm >= r.x0_mm - slack) & (surface.x_mm <= r.x1_mm + slack)
+    inside_y = (surface.y_mm >= r.y0_mm - slack) & (surface.y_mm <= r.y1_mm + slack)
+    mask = valid & inside_y[:, None] & inside_x[None, :]
+    if not mask.any():
+        e = surface.extent_mm
+        raise InputError(
+            f"clear aperture: holds no valid pixel of the map (x {e.x0_mm:g} to {e.x1_mm:g}, "
+            f"y {e.y0_mm:g} to {e.y1_mm:g} mm)",
+            "correct --clear-aperture; coordinates are mm on the part",
+        )
+    return mask
+
+
+def bounding_box(surface: SurfaceMap, mask: NDArray[np.bool_]) -> Rectangle:
+    """Outer edges of the pixels of `mask` (ny, nx)."""
+    half = 0.5 * surface.pixel_mm
+    x, y = surface.x_mm[mask.any(axis=0)], surface.y_mm[mask.any(axis=1)]
+    return Rectangle(float(x[0] - half), float(x[-1] + half), float(y[0] - half), float(y[-1] + half))
+
+
+def grown(area: Rectangle, by_mm: float) -> Rectangle:
+    """`area` with a margin on all sides."""
+    return Rectangle(area.x0_mm - by_mm, area.x1_mm + by_mm, area.y0_mm - by_mm, area.y1_mm + by_mm)
+
+
+def check_sizes(surface: SurfaceMap, influence: InfluenceFunction) -> None:
+    """Refuse an influence function that the map cannot resolve or hold.
+
+    Raises
+    ------
+    InputError
+        If the influence function is larger than the map, or narrower than two pixels of it.
+    """
+    e = surface.extent_mm
+    longest_mm = max(e.x1_mm - e.x0_mm, e.y1_mm - e.y0_mm)
+    if 2 * influence.radius_mm > longest_mm:
+        raise InputError(
+            f"influence function: {2 * influence.radius_mm:.3g} mm wide, larger than the map ({longest_mm:.3g} mm)",
+            "check the units of both files; a tool larger than the part cannot correct it",
+        )
+    if influence.radius_mm < surface.pixel_mm:
+        raise InputError(
+            f"influence function: {2 * influence.radius_mm:.3g} mm wide, less than two pixels of the map "
+            f"({surface.pixel_mm:.3g} mm each)",
+            "check the units of both files, or measure the map more finely",
+        )

@@ -1,0 +1,147 @@
+"""A plan: what goes in, what was decided, and what it will leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.machine.description import MachineDescription
+from ibfctl.machine.program import PvtProgram
+from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.options import PlanOptions
+from ibfctl.schedule.certificate import Certificate, axis_cubics
+from ibfctl.surface.influence import InfluenceFunction
+from ibfctl.surface.levelling import Levelling, peak_to_valley, rms
+from ibfctl.surface.map import SurfaceMap
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file (or an expression) that went into a plan.
+
+    Attributes
+    ----------
+    name
+        As the user gave it.
+    sha256
+        Hash of its bytes.
+    """
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class DwellPlan:
+    """Dwell points and their times.
+
+    Attributes
+    ----------
+    x_mm, y_mm, time_s : (n,) float64
+        Middle of every segment of the path, and the time of that segment.
+    """
+
+    x_mm: FloatArray
+    y_mm: FloatArray
+    time_s: FloatArray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is expected on the map. All arrays (ny, nx) in nm; residuals are levelled, NaN outside the aperture.
+
+    Attributes
+    ----------
+    clear_aperture : (ny, nx) bool
+        Pixels that count.
+    initial_nm
+        The map itself over the clear aperture, levelled.
+    ideal_residual_nm
+        After the dwell times at the dwell points.
+    executed_removal_nm
+        Removal along the cubics of the quantised program, over the whole map.
+    executed_residual_nm
+        After that removal.
+    """
+
+    clear_aperture: NDArray[np.bool_]
+    initial_nm: FloatArray
+    ideal_residual_nm: FloatArray
+    executed_removal_nm: FloatArray
+    executed_residual_nm: FloatArray
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan with its proof.
+
+    Attributes
+    ----------
+    machine, options
+        For which machine, and what the user chose.
+    path, dwell, program, certificate
+        What was decided, and the checks on its integers.
+    surface, influence, prediction
+        What was given and is expected; None where only a schedule was asked for.
+    inputs
+        Name and hash of every input, by role ("map", "influence", "machine", ...).
+    planning_time_s
+        Wall time of the planning.
+    """
+
+    machine: MachineDescription
+    options: PlanOptions
+    path: ToolPath
+    dwell: DwellPlan
+    program: PvtProgram
+    certificate: Certificate
+    surface: SurfaceMap | None = None
+    influence: InfluenceFunction | None = None
+    prediction: Prediction | None = None
+    inputs: Mapping[str, InputFile] = field(default_factory=dict)
+    planning_time_s: float = 0.0
+
+    def summary(self) -> dict[str, object]:
+        """Return the JSON form that `ibfctl plan --json` prints; `schedule` has no residuals."""
+        figures: dict[str, object] = {}
+        if self.prediction is not None:
+            for name, residual_nm in (
+                ("initial", self.prediction.initial_nm),
+                ("ideal", self.prediction.ideal_residual_nm),
+                ("executed", self.prediction.executed_residual_nm),
+            ):
+                values = residual_nm[self.prediction.clear_aperture]
+                figures[f"{name}_rms_nm"] = rms(values)
+                figures[f"{name}_pv_nm"] = peak_to_valley(values)
+        return figures | {
+            "total_time_s": self.program.total_time_s,
+            "nodes": int(self.path.x_mm.size),
+            "segments": len(self.program),
+            "peak_velocity_mm_s": {letter: peak[0] for letter, peak in self.peaks().items()},
+            "peak_acceleration_mm_s2": {letter: peak[1] for letter, peak in self.peaks().items()},
+            "certificate": self.certificate.summary(),
+            "planning_time_s": self.planning_time_s,
+        }
+
+    def peaks(self) -> dict[str, tuple[float, float]]:
+        """Peak speed in mm/s and peak acceleration in mm/s² by axis letter, from the program's integers."""
+        peaks = {}
+        for letter, axis in self.program.axes.items():
+            cubics = axis_cubics(self.program, axis)
+            low, high = cubics.velocity_range
+            speed = max(float(high.max()), float(-low.min()))
+            scale = abs(axis.counts_per_mm)
+            peaks[letter] = speed / scale, float(cubics.peak_acceleration.max()) / scale
+        return peaks
+
+
+def levelled(values_nm: FloatArray, clear_aperture: NDArray[np.bool_], levelling: Levelling) -> FloatArray:
+    """Values (ny, nx) without the free terms over the clear aperture, NaN outside it."""
+    result = np.full(values_nm.shape, np.nan)
+    result[clear_aperture] = levelling(values_nm[clear_aperture])
+    return result

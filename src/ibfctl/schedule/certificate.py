@@ -1,0 +1,130 @@
+"""The certificate of a program: every promise checked on the integers that the controller will get.
+
+Nothing here is shared with the optimiser. Extremes of the cubics are closed forms: acceleration is linear inside a
+segment, velocity a parabola, the distance from the chord a cubic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.machine.description import MachineDescription
+from ibfctl.machine.program import (
+    MAX_INCREMENT_COUNTS,
+    MAX_SEGMENT_SAMPLES,
+    MAX_VELOCITY_COUNTS_S,
+    AxisProgram,
+    PvtProgram,
+)
+from ibfctl.path.tool_path import ToolPath
+from ibfctl.schedule.hermite import Cubics, excursion
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One promise: `value` must not be larger than `limit`."""
+
+    name: str
+    value: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """False also where the value is NaN."""
+        return bool(self.value <= self.limit)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """All checks of a program."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """True where every check passed and there is at least one."""
+        return bool(self.checks) and all(check.passed for check in self.checks)
+
+    def summary(self) -> dict[str, object]:
+        """JSON form: each check with its value and limit, and `passed`."""
+        checks = {
+            check.name: {"value": check.value, "limit": check.limit, "passed": check.passed} for check in self.checks
+        }
+        return {"passed": self.passed, "checks": checks}
+
+
+def axis_cubics(program: PvtProgram, axis: AxisProgram) -> Cubics:
+    """Segments of one axis in counts, counts/s and s, exactly as the controller will integrate them."""
+    velocity = np.concatenate([[0.0], axis.end_velocity_counts_s.astype(np.float64)])
+    position = axis.start_counts + np.concatenate([[0], np.cumsum(axis.increment_counts)]).astype(np.float64)
+    return Cubics.through(position, velocity, program.time_samples * program.sample_period_s)
+
+
+def certify(
+    program: PvtProgram, machine: MachineDescription, path: ToolPath, total_time_s: float, corridor_mm: float
+) -> Certificate:
+    """Check a program against the machine and the path it was made for.
+
+    Parameters
+    ----------
+    program
+        Integers.
+    path, total_time_s
+        What was asked for: the end must lie within half a count of the last node, the total time within two samples.
+    corridor_mm
+        Largest allowed distance from a segment's chord.
+    """
+    checks = []
+    planar = {}
+    for letter, axis in program.axes.items():
+        limits = machine.axes[letter]  # type: ignore[index]
+        cubics = axis_cubics(program, axis)
+        scale = abs(axis.counts_per_mm)
+        low, high = cubics.velocity_range
+        move = axis.increment_counts
+        backwards = np.where(move > 0, -low, high)[move != 0]
+        standing = np.maximum(np.abs(low), np.abs(high))[move == 0]
+        # Without reversal the extremes of the position are at the nodes.
+        position_mm = np.concatenate([cubics.start, [axis.end_counts]]) / axis.counts_per_mm
+        node_mm = path.x_mm if limits.coordinate == "x" else path.y_mm
+        ends = abs(position_mm[0] - node_mm[0]), abs(position_mm[-1] - node_mm[-1])
+        checks += [
+            Check(f"peak_velocity_mm_s.{letter}", _largest(high, -low) / scale, limits.v_max_mm_s),
+            Check(f"peak_acceleration_mm_s2.{letter}", _largest(cubics.peak_acceleration) / scale, limits.a_max_mm_s2),
+            Check(f"reversal_mm_s.{letter}", max(_largest(backwards) / scale, 0.0), 0.0),
+            Check(f"velocity_of_standing_axis_mm_s.{letter}", _largest(standing) / scale, 0.0),
+            Check(f"velocity_at_end_counts_s.{letter}", float(abs(axis.end_velocity_counts_s[-1])), 0.0),
+            Check(f"position_above_minimum_mm.{letter}", limits.travel_min_mm - float(position_mm.min()), 0.0),
+            Check(f"position_below_maximum_mm.{letter}", float(position_mm.max()) - limits.travel_max_mm, 0.0),
+            Check(f"end_point_error_counts.{letter}", round(max(ends) * scale, 6), 0.5),
+            Check(f"largest_increment_counts.{letter}", _largest(np.abs(move)), MAX_INCREMENT_COUNTS),
+            Check(
+                f"largest_velocity_counts_s.{letter}",
+                _largest(np.abs(axis.end_velocity_counts_s)),
+                MAX_VELOCITY_COUNTS_S,
+            ),
+        ]
+        planar[limits.coordinate] = Cubics(
+            cubics.start / axis.counts_per_mm, cubics.move / axis.counts_per_mm,
+            cubics.start_velocity / axis.counts_per_mm, cubics.end_velocity / axis.counts_per_mm, cubics.time_s,
+        )  # fmt: skip
+    samples = program.time_samples
+    time_error_s = abs(program.total_time_s - total_time_s)
+    checks += [
+        Check("excursion_mm", _largest(excursion(planar["x"], planar["y"])), corridor_mm),
+        Check("longest_segment_samples", _largest(samples), MAX_SEGMENT_SAMPLES),
+        Check("shortest_segment_below_two_samples", max(2.0 - float(samples.min()), 0.0), 0.0),
+        Check("odd_segments", float((samples % 2).sum()), 0.0),
+        Check("total_time_error_samples", round(time_error_s / program.sample_period_s, 6), 2.0),
+    ]
+    return Certificate(tuple(checks))
+
+
+def _largest(*values: NDArray[np.float64] | NDArray[np.int64]) -> float:
+    """Largest of all values; zero where there are none; NaN where one is NaN."""
+    return max((float(array.max()) for array in values if array.size), default=0.0)

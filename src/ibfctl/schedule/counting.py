@@ -1,0 +1,97 @@
+"""From mm and seconds to counts and samples, before the velocities are chosen.
+
+Absolute positions and absolute times are rounded and their differences sent, so nothing accumulates. Rounding
+comes first, so that the velocities are optimised for exactly the integers that the controller gets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.errors import LimitsError
+from ibfctl.machine.description import MachineDescription
+from ibfctl.machine.program import MAX_SEGMENT_SAMPLES, IntArray
+from ibfctl.path.tool_path import ToolPath
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CountedPath:
+    """A timed path on the controller's grid.
+
+    Attributes
+    ----------
+    position_counts : mapping of axis letter to (n + 1,) int64
+        Absolute positions of the nodes.
+    time_samples : (n,) int64
+        Even durations of the segments, 2 to 2048 samples.
+    source_segment : (n,) int64
+        Segment of the path that each belongs to: long dwells are split into several.
+    """
+
+    position_counts: Mapping[str, IntArray]
+    time_samples: IntArray
+    source_segment: IntArray
+
+    def position_mm(self, letter: str, counts_per_mm: float) -> FloatArray:
+        """Positions of the nodes of one axis in mm, (n + 1,)."""
+        return np.asarray(self.position_counts[letter] / counts_per_mm)
+
+
+def even_samples(time_s: FloatArray, sample_period_s: float) -> IntArray:
+    """Round durations (n,) to even samples so that the running sum never drifts by more than one sample.
+
+    Segments shorter than two samples get two; the time is taken back from what follows.
+    """
+    pairs = np.rint(np.cumsum(time_s) / (2 * sample_period_s)).astype(np.int64)
+    # A time grid that moves on by at least one pair per segment: running maximum of (pairs - index).
+    index = np.arange(1, pairs.size + 1)
+    pairs = np.maximum.accumulate(np.maximum(pairs - index, 0)) + index
+    return 2 * np.diff(pairs, prepend=0)
+
+
+def count_path(path: ToolPath, dwell_s: FloatArray, machine: MachineDescription) -> CountedPath:
+    """Put a timed path on the grid of counts and samples; split segments longer than 2048 samples.
+
+    Parameters
+    ----------
+    path
+        Nodes in mm.
+    dwell_s : (n,) float64
+        Time of each segment.
+    machine
+        Scales, directions, travel and sample period.
+
+    Raises
+    ------
+    LimitsError
+        If a node lies outside the travel of an axis.
+    """
+    samples = even_samples(dwell_s, machine.sample_period_s)
+    pieces = -(-samples // MAX_SEGMENT_SAMPLES)
+    source = np.repeat(np.arange(samples.size), pieces)
+    # Piece k of m ends at the even sample nearest to k/m of the segment: again absolute, never accumulated.
+    ordinal = np.arange(source.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    parts, whole = pieces[source], samples[source]
+    piece_end = np.where(ordinal + 1 == parts, whole, 2 * ((whole * (ordinal + 1)) // (2 * parts)))
+    piece_start = 2 * ((whole * ordinal) // (2 * parts))
+    counts: dict[str, IntArray] = {}
+    for letter, axis in machine.axes.items():
+        node_mm = path.x_mm if axis.coordinate == "x" else path.y_mm
+        outside = (node_mm < axis.travel_min_mm) | (node_mm > axis.travel_max_mm)
+        if outside.any():
+            node = int(np.argmax(outside))
+            raise LimitsError(
+                f"path leaves the travel of axis {letter}: node {node} at {axis.coordinate} = {node_mm[node]:.3f} mm, "
+                f"travel {axis.travel_min_mm:g} to {axis.travel_max_mm:g} mm ({int(outside.sum())} nodes outside)",
+                "move the part, shrink the clear aperture, or correct the travel in the machine file",
+            )
+        ends_mm = node_mm[source] + (node_mm[source + 1] - node_mm[source]) * (piece_end / whole)
+        scale = axis.signed_counts_per_mm
+        counts[letter] = np.rint(np.concatenate([node_mm[:1], ends_mm]) * scale).astype(np.int64)
+    return CountedPath(counts, piece_end - piece_start, source)

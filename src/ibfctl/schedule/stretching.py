@@ -1,0 +1,58 @@
+"""Times that are long enough: closed forms, for where the wanted ones break a limit.
+
+With velocities of at most the mean speeds on either side of a node, along the chord where the path goes straight
+on and zero where it turns, a segment needs  a h² + (4 u + 2 w) h >= 6 s  for its larger and smaller end speed u and
+w. Such times always admit a schedule; the programme then finds a smoother one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.machine.program import IntArray
+from ibfctl.schedule.programme import SOLVER_MARGIN
+from ibfctl.schedule.task import Tasks
+
+FloatArray = NDArray[np.float64]
+
+# Cosine and sine between segments up to which a path goes straight on.
+_STRAIGHT = 1e-3
+_ROUNDS = 1000
+# What the programme keeps free of a limit for its tolerance, and as much again.
+_ROOM = 1 - 2 * SOLVER_MARGIN
+
+
+def sufficient_samples(tasks: Tasks, samples: IntArray, sample_period_s: float) -> IntArray:
+    """Even durations (n,), none shorter than `samples`, that certainly admit a schedule along the chords."""
+    moves = np.stack([task.move_mm for task in tasks])
+    length = np.hypot(*moves)
+    moving = length > 0
+    direction = np.divide(moves, length, out=np.zeros_like(moves), where=moving)
+    with np.errstate(divide="ignore"):
+        a_max = _ROOM * np.min(
+            [task.a_max_mm_s2 / np.abs(part) for task, part in zip(tasks, direction, strict=True)], axis=0
+        )
+        v_max = _ROOM * np.min(
+            [task.v_max_mm_s / np.abs(part) for task, part in zip(tasks, direction, strict=True)], axis=0
+        )
+    along = (direction[:, 1:] * direction[:, :-1]).sum(axis=0)
+    across = direction[0, :-1] * direction[1, 1:] - direction[1, :-1] * direction[0, 1:]
+    straight = (along > 0) & (np.abs(across) < _STRAIGHT)
+    for task in tasks:
+        straight &= task.free[1:-1] | ((task.move_mm[1:] == 0) & (task.move_mm[:-1] == 0))
+    speed = np.zeros(length.size + 1)
+    needed = samples
+    for _ in range(_ROUNDS):
+        mean = length / (needed * sample_period_s)
+        speed[1:-1] = np.where(straight, np.minimum(mean[1:], mean[:-1]), 0.0)
+        slow, fast = np.minimum(speed[1:], speed[:-1]), np.maximum(speed[1:], speed[:-1])
+        push = 4 * slow + 2 * fast
+        with np.errstate(invalid="ignore"):
+            enough = 12 * length / (push + np.sqrt(push**2 + 24 * a_max * length))
+            enough = np.maximum(enough, 3 * length / (v_max + slow + fast))
+        wanted = 2 * np.ceil(np.where(moving, enough, 0.0) / (2 * sample_period_s) - 1e-6).astype(np.int64)
+        if (wanted <= needed).all():
+            break
+        needed = np.maximum(needed, wanted)
+    return needed

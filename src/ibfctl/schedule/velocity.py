@@ -1,0 +1,91 @@
+"""Node velocities by a quadratic programme: the smoothest cubics through given nodes at given times.
+
+Minimises the squared jumps of acceleration at the nodes (they would vanish for a cubic spline), subject to the
+machine's limits inside every segment. Accelerations at both ends of a Hermite cubic are linear in the velocities
+and bound it inside; so do the Bernstein coefficients of the velocity, whose middle one also forbids reversal.
+The unconstrained optimum costs one banded solve; OSQP is asked only where it breaks a limit. No answer is taken
+on its word: the certificate decides, from integers.
+
+The formulation is a Hermite form of the scheduler of Wang et al. 2023, J. Manuf. Process. 88, Eqs. 8 to 18.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from ibfctl.schedule.programme import acceleration_jumps, solve_programme
+from ibfctl.schedule.task import AxisTask, Tasks, limit_excess, stretches
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class VelocitySolution:
+    """Node velocities and what they break.
+
+    Attributes
+    ----------
+    velocity_mm_s : pair of (n + 1,) float64
+        One array per task.
+    excess : (n,) float64
+        By how much each segment exceeds its limits, relative to them; zero where everything holds.
+    """
+
+    velocity_mm_s: tuple[FloatArray, FloatArray]
+    excess: FloatArray
+
+
+def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> VelocitySolution:
+    """Choose the node velocities of both axes.
+
+    Parameters
+    ----------
+    tasks
+        The two axes of the plane.
+    time_s : (n,) float64
+        Duration of each segment.
+    corridor_mm
+        Largest distance of the path from a segment's chord.
+    """
+    velocities = (_spline_velocities(tasks[0], time_s), _spline_velocities(tasks[1], time_s))
+    excess = limit_excess(tasks, velocities, time_s, corridor_mm)
+    if excess.any():
+        # Stretches between stops of both axes do not touch each other: only those that break a limit are solved.
+        segments = stretches(tasks, excess > 0)
+        part = tasks[0][segments], tasks[1][segments]
+        for whole, solved in zip(velocities, solve_programme(part, time_s[segments], corridor_mm), strict=True):
+            whole[segments + 1] = solved[1:]
+        excess = limit_excess(tasks, velocities, time_s, corridor_mm)
+    return VelocitySolution(velocities, excess)
+
+
+def _spline_velocities(task: AxisTask, time_s: FloatArray) -> FloatArray:
+    """Velocities (n + 1,) of least squared acceleration jumps without limits, at rest at the nodes that must be."""
+    free = task.free
+    if not free.any():
+        return np.zeros(free.size)
+    before, here, after, constant = acceleration_jumps(task.move_mm, time_s)
+    # Columns of fixed nodes drop out of the jump matrix.
+    here = here * free
+    before = before * np.concatenate([[False], free[:-1]])
+    after = after * np.concatenate([free[1:], [False]])
+    banded = np.zeros((3, free.size))
+    banded[2] = here**2 + ~free
+    banded[2, :-1] += before[1:] ** 2
+    banded[2, 1:] += after[:-1] ** 2
+    banded[1, 1:] = here[:-1] * after[:-1] + before[1:] * here[1:]
+    banded[0, 2:] = before[1:-1] * after[1:-1]
+    gradient = here * constant
+    gradient[:-1] += before[1:] * constant[1:]
+    gradient[1:] += after[:-1] * constant[:-1]
+    # Unit diagonal: segment times differ by orders of magnitude.
+    scale = 1 / np.sqrt(banded[2])
+    banded[2] = 1.0
+    banded[1, 1:] *= scale[1:] * scale[:-1]
+    banded[0, 2:] *= scale[2:] * scale[:-2]
+    solution = solveh_banded(banded, -gradient * scale, overwrite_ab=True, check_finite=False)
+    return np.asarray(np.where(free, solution * scale, 0.0))

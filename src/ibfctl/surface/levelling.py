@@ -1,0 +1,60 @@
+"""Terms that are free in what was measured: piston and tilt over the clear aperture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Removed = Literal["none", "piston", "tilt"]
+
+_TERMS: dict[Removed, int] = {"none": 0, "piston": 1, "tilt": 3}
+
+
+@dataclass(frozen=True)
+class Levelling:
+    """Orthogonal projection that takes the free terms out of values on the clear aperture.
+
+    Attributes
+    ----------
+    basis : (k, m) float64
+        Orthonormal rows over the m pixels of the clear aperture: k = 0 (none), 1 (piston), 3 (piston and tilt).
+    """
+
+    basis: FloatArray
+
+    @classmethod
+    def over(cls, mask: NDArray[np.bool_], removed: Removed, root_weight: FloatArray | None = None) -> Levelling:
+        """Make the projection for the pixels of `mask` (ny, nx).
+
+        With `root_weight` (m,), values are expected multiplied by these square roots of weights.
+        """
+        rows, columns = np.nonzero(mask)
+        terms = np.stack([np.ones(rows.size), columns - columns.mean(), rows - rows.mean()])[: _TERMS[removed]]
+        if root_weight is not None:
+            terms = terms * root_weight
+        if not terms.size:
+            return cls(np.zeros((0, rows.size)))
+        # A line of pixels has no tilt across it: drop what the others already span.
+        left, size, _ = np.linalg.svd(terms @ terms.T)
+        rank = int((size > 1e-12 * size[0]).sum())
+        return cls((left[:, :rank] / np.sqrt(size[:rank])).T @ terms)
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Return `values` (m,) without the free terms. The projection is its own adjoint."""
+        if not self.basis.size:
+            return values
+        return values - (self.basis @ values) @ self.basis
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square of `values`."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def peak_to_valley(values: FloatArray) -> float:
+    """Largest minus smallest of `values`."""
+    return float(np.ptp(values))
