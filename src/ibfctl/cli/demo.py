@@ -20,7 +20,7 @@ from ibfctl.cli.words import demo_table
     show_default=True,
     help="Folder for plan.h5, run.h5 and pictures; made if absent.",
 )
-@speed_option
+@speed_option(25.0)
 @json_option
 def command(out: Path, speed: float, as_json: bool) -> None:
     """Plan a made 92 x 16 mm flat, run it on an emulated controller, and show what was left of its error."""

@@ -63,10 +63,14 @@ def output_option(default: str) -> Decorator:
 
 
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-speed_option: Decorator = click.option(
-    "--speed",
-    type=click.FloatRange(min=0, min_open=True),
-    default=100.0,
-    show_default=True,
-    help="Controller seconds per second of the clock on the wall.",
-)
+
+
+def speed_option(default: float) -> Decorator:
+    """Return the option --speed of an emulated controller."""
+    return click.option(
+        "--speed",
+        type=click.FloatRange(min=0, min_open=True),
+        default=default,
+        show_default=True,
+        help="Clock of the emulated controller: its seconds per second.",
+    )

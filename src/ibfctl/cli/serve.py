@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from ibfctl.cli.options import machine_option
+from ibfctl.cli.options import machine_option, speed_option
 from ibfctl.errors import InputError
 from ibfctl.machine.shipped import shipped_machine
 
@@ -23,13 +23,7 @@ from ibfctl.machine.shipped import shipped_machine
     help="Folder for all data; default: in the user's state folder.",
 )
 @machine_option(required=False)
-@click.option(
-    "--speed",
-    type=click.FloatRange(min=0, min_open=True),
-    default=1.0,
-    show_default=True,
-    help="Clock of emulated controllers, controller seconds per second.",
-)
+@speed_option(1.0)
 def command(simulate: bool, host: str, port: int, data: Path | None, machine: Path | None, speed: float) -> None:
     """Serve maps, plans and runs over REST, to this computer alone."""
     if machine is None:

@@ -14,7 +14,7 @@ from ibfctl.cli.words import run_lines
 
 @click.command(name="simulate")
 @click.argument("plan_file", metavar="PLAN.h5", type=click.Path(path_type=Path))
-@speed_option
+@speed_option(100.0)
 @output_option("run.h5")
 @json_option
 def command(plan_file: Path, speed: float, output: Path, as_json: bool) -> None:

@@ -13,6 +13,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ibfctl.planning.aperture import clear_aperture_mask
 from ibfctl.planning.options import PlanOptions
 from ibfctl.surface.influence import InfluenceFunction, gaussian
 from ibfctl.surface.levelling import Levelling, rms
@@ -26,7 +27,7 @@ _WIDTH_MM = 16.0
 _APERTURE_LENGTH_SHARE = 92.0 / (_WIDTH_MM * PAPER_SHAPE[1] / PAPER_SHAPE[0])
 _TIF_RADIUS_MM = 2.5
 _TIF_FWHM_MM = 2 * _TIF_RADIUS_MM / 6 * np.sqrt(8 * np.log(2))  # the diameter holds six standard deviations
-_TIF_PEAK_NM_S = 12.0
+_TIF_PEAK_NM_S = 13.0
 _SMOOTH_MM = 2.5
 _SMOOTH_SHARE = 0.4
 _LEGENDRE_DEGREE = 4
@@ -57,7 +58,7 @@ def demo_job(seed: int = 4, shape: tuple[int, int] = PAPER_SHAPE) -> DemoJob:
     half_y_mm = 0.5 * ny * pixel_mm
     aperture = Rectangle(-half_x_mm, half_x_mm, -half_y_mm, half_y_mm)
     surface = SurfaceMap.centred(_error(np.random.default_rng(seed), shape, pixel_mm), pixel_mm)
-    inside = np.broadcast_to(np.abs(surface.x_mm) < half_x_mm, shape)
+    inside = clear_aperture_mask(surface, aperture)
     scale = PAPER_RMS_NM / rms(Levelling.over(inside, "tilt")(surface.height_nm[inside]))
     influence = gaussian(_TIF_FWHM_MM, _TIF_PEAK_NM_S, _TIF_RADIUS_MM, pixel_mm)
     options = PlanOptions(clear_aperture=aperture)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ibfctl.errors import InputError
-from ibfctl.jobs.timed_nodes import read_timed_nodes
 from ibfctl.machine.description import read_machine
+from ibfctl.path.from_file import read_columns
 from ibfctl.planning.file import write_plan
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import InputFile, Plan
@@ -80,11 +80,9 @@ def plan_files(
 
 def schedule_file(timed_nodes: Path, machine: Path, corridor_mm: float | None, output: Path) -> Plan:
     """Schedule nodes whose dwell times are given, and write the plan to `output`."""
-    nodes = read_timed_nodes(timed_nodes)
+    x_mm, y_mm, dwell_s = read_columns(timed_nodes, ("x_mm", "y_mm", "dwell_s"))
     inputs = {"nodes": hashed(timed_nodes), "machine": hashed(machine)}
-    plan = schedule_nodes(
-        nodes.x_mm, nodes.y_mm, nodes.dwell_s, read_machine(machine), corridor_mm=corridor_mm, inputs=inputs
-    )
+    plan = schedule_nodes(x_mm, y_mm, dwell_s, read_machine(machine), corridor_mm=corridor_mm, inputs=inputs)
     write_plan(plan, output)
     return plan
 

@@ -70,7 +70,7 @@ def _map_panel(surface: SurfaceMap, values: FloatArray, title: str, label: str, 
 
 def _figures(values_nm: FloatArray) -> str:
     valid_nm = values_nm[np.isfinite(values_nm)]
-    return f"{rms(valid_nm):.3g} nm RMS, {peak_to_valley(valid_nm):.3g} nm PV"
+    return f"{rms(valid_nm):#.3g} nm RMS, {peak_to_valley(valid_nm):#.3g} nm PV"
 
 
 def _draw_dwell(plan: Plan, path: Path) -> None:
