@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,17 +39,22 @@ class EmulatedController:
 
 
 @contextmanager
-def emulated_controller(trace: Path, *, speed: float = 1.0, axes: int = 2) -> Iterator[EmulatedController]:
+def emulated_controller(
+    trace: Path | None, *, speed: float = 1.0, axes: int = 2, faults: Sequence[str] = ()
+) -> Iterator[EmulatedController]:
     """Run an emulated controller for the length of a ``with`` block; afterwards `trace` is complete.
 
     Parameters
     ----------
     trace
-        File to which the emulated controller writes what it executed.
+        File to which the emulated controller writes what it executed, if that is wanted.
     speed
         Controller seconds per second of the host.
     axes
         Number of axes.
+    faults
+        What is to go wrong from the start, in the emulated controller's own words, e.g.
+        ``delay seconds=0.005``.
 
     Raises
     ------
@@ -57,7 +62,11 @@ def emulated_controller(trace: Path, *, speed: float = 1.0, axes: int = 2) -> It
         If it does not start, or does not end in an orderly way.
     """
     command = [sys.executable, "-m", "ibfctl_simulator", "--port", "0", "--axes", str(axes)]
-    command += ["--speed", f"{speed:g}", "--trace", str(trace), "--exit-with-parent"]
+    command += ["--speed", f"{speed:g}", "--exit-with-parent"]
+    for fault in faults:
+        command += ["--fault", fault]
+    if trace is not None:
+        command += ["--trace", str(trace)]
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
             command,

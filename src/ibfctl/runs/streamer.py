@@ -21,7 +21,8 @@ PROGRESS_S = 0.1
 END_GRACE_S = 0.05
 STALL_S = 2.0
 CLOCK_DRIFT = 2e-4
-WAKE_UP_S = 0.005
+WAKE_UP_S = 0.003
+PAUSE_SHARE = 16
 
 
 def execute(
@@ -287,7 +288,7 @@ class _Run:
     def _pause(self) -> None:
         """Wait a little, and less the sooner the buffer runs dry or the motion ends."""
         left_s = self._ledger.margin_s(time.monotonic()) / self._time_scale
-        self._abort.wait(min(self._poll_interval_s, max(left_s, 0.0) / 8))
+        self._abort.wait(min(self._poll_interval_s, max(left_s, 0.0) / PAUSE_SHARE))
 
     def _report(self, now: float, gate_open: bool) -> None:
         self._reported_at = now
