@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import dataclasses
 import os
 import signal
 import stat
@@ -11,47 +12,117 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ibfctl_simulator.galil.clock import ScaledClock
+from ibfctl_simulator.galil import control
+from ibfctl_simulator.galil.clock import ScaledClock, SteppedClock
 from ibfctl_simulator.galil.controller import Controller
+from ibfctl_simulator.galil.errors import CommandError
+from ibfctl_simulator.galil.programs.memory import Program
 from ibfctl_simulator.galil.server import Emulator
 from ibfctl_simulator.galil.settings import SAMPLES_PER_SECOND, Settings
 from ibfctl_simulator.galil.state import LETTERS
 from ibfctl_simulator.galil.trace import TraceWriter
+from ibfctl_simulator.options import parser
+from ibfctl_simulator.settings_file import read_settings
 
 FAILED = 2
 
 
+class _UserError(Exception):
+    """Something that the caller can correct; the message is all that is shown."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the emulator until it is told to end; returns the exit code."""
-    options = _parser().parse_args(arguments)
-    settings = Settings(axes=options.axes)
-    trace = None
-    if options.trace is not None:
-        try:
-            trace = TraceWriter(options.trace, LETTERS[: settings.axes], 1.0 / SAMPLES_PER_SECOND)
-        except OSError as error:
-            return _fail(f"trace file {options.trace}: {_reason(error)}; choose another path with --trace")
+    options = parser().parse_args(arguments)
     try:
-        asyncio.run(_serve(options, Controller(settings, trace)))
-    except OSError as error:
-        where = f"{options.host}:{options.port}"
-        return _fail(f"cannot listen on {where}: {_reason(error)}; choose another --host or --port")
-    finally:
-        if trace is not None:
-            trace.close()
+        settings = _settings(options)
+        program = _program(options.program)
+        trace = _trace(options.trace, settings)
+        try:
+            asyncio.run(_serve(options, Controller(settings, trace, program)))
+        finally:
+            if trace is not None:
+                trace.close()
+    except _UserError as error:
+        print(f"ibfctl-simulator: {error}", file=sys.stderr)
+        return FAILED
     return 0
 
 
+def _settings(options: argparse.Namespace) -> Settings:
+    settings = Settings()
+    if options.settings is not None:
+        try:
+            settings = read_settings(options.settings)
+        except (OSError, ValueError) as error:
+            raise _UserError(f"settings file {options.settings}: {error}; correct it") from error
+    chosen = {"axes": options.axes, "family": options.model}
+    return dataclasses.replace(settings, **{name: value for name, value in chosen.items() if value is not None})
+
+
+def _program(path: Path | None) -> Program:
+    if path is None:
+        return Program()
+    try:
+        return Program(path.read_text(encoding="latin-1").splitlines())
+    except OSError as error:
+        raise _UserError(f"program {path}: {_reason(error)}; choose another file with --program") from error
+    except CommandError as error:
+        raise _UserError(f"program {path}: error {error}; correct the program") from error
+
+
+def _trace(path: Path | None, settings: Settings) -> TraceWriter | None:
+    if path is None:
+        return None
+    try:
+        return TraceWriter(path, LETTERS[: settings.axes], 1.0 / SAMPLES_PER_SECOND)
+    except OSError as error:
+        raise _UserError(f"trace file {path}: {_reason(error)}; choose another path with --trace") from error
+
+
 async def _serve(options: argparse.Namespace, controller: Controller) -> None:
-    emulator = Emulator(controller, ScaledClock(options.speed))
-    await emulator.start(options.host, options.port)
+    clock = SteppedClock() if options.clock == "stepped" else ScaledClock(options.speed)
+    emulator = Emulator(controller, clock)
+    back_door: asyncio.Server | None = None
+    try:
+        await emulator.start(options.host, options.port)
+    except OSError as error:
+        where = f"{options.host}:{options.port}"
+        raise _UserError(f"cannot listen on {where}: {_reason(error)}; choose another --host or --port") from error
+    try:
+        for fault in options.fault:
+            try:
+                control.apply_command(emulator, fault)
+            except ValueError as error:
+                raise _UserError(f"--fault {fault!r}: {error}") from error
+        if options.control_port is not None:
+            back_door = await _open_back_door(options, emulator)
+        print(f"listening on {emulator.host}:{emulator.port}", flush=True)
+        if back_door is not None:
+            print(f"control on {emulator.host}:{back_door.sockets[0].getsockname()[1]}", flush=True)
+        await _until_told_to_end(options, emulator)
+    finally:
+        if back_door is not None:
+            back_door.close()
+        emulator.catch_up()
+        await emulator.stop()
+
+
+async def _open_back_door(options: argparse.Namespace, emulator: Emulator) -> asyncio.Server:
+    try:
+        return await control.serve(emulator, options.host, options.control_port)
+    except OSError as error:
+        where = f"{options.host}:{options.control_port}"
+        raise _UserError(f"cannot listen on {where}: {_reason(error)}; choose another --control-port") from error
+
+
+async def _until_told_to_end(options: argparse.Namespace, emulator: Emulator) -> None:
     end = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, end.set)
     if options.exit_with_parent:
         _watch_standard_input(loop, end)
-    print(f"listening on {emulator.host}:{emulator.port}", flush=True)
     ending = loop.create_task(end.wait())
     try:
         await asyncio.wait({ending, emulator.ticking}, return_when=asyncio.FIRST_COMPLETED)
@@ -59,8 +130,6 @@ async def _serve(options: argparse.Namespace, controller: Controller) -> None:
             emulator.ticking.result()
     finally:
         ending.cancel()
-        emulator.catch_up()
-        await emulator.stop()
 
 
 def _watch_standard_input(loop: asyncio.AbstractEventLoop, end: asyncio.Event) -> None:
@@ -78,56 +147,8 @@ def _watch_standard_input(loop: asyncio.AbstractEventLoop, end: asyncio.Event) -
     loop.add_reader(descriptor, read)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="ibfctl-simulator",
-        description="Emulated Galil controller on TCP. Prints 'listening on HOST:PORT' when it is ready.",
-    )
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
-    parser.add_argument(
-        "--port", type=_port, default=5023, help="TCP port, 0 for a free one (default %(default)s)"
-    )
-    parser.add_argument("--axes", type=_axes, default=2, help="number of axes, 1 to 8 (default %(default)s)")
-    parser.add_argument(
-        "--speed", type=_speed, default=1.0, help="simulated seconds per second (default %(default)s)"
-    )
-    parser.add_argument(
-        "--trace", type=Path, metavar="FILE", help="write every sample of motion (counts) to this HDF5 file"
-    )
-    parser.add_argument(
-        "--exit-with-parent", action="store_true", help="end when the pipe on standard input closes"
-    )
-    return parser
-
-
-def _port(text: str) -> int:
-    return _within(int(text), 0, 65535, "a port")
-
-
-def _axes(text: str) -> int:
-    return _within(int(text), 1, 8, "a number of axes")
-
-
-def _within(value: int, low: int, high: int, what: str) -> int:
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{value} is not {what} between {low} and {high}")
-    return value
-
-
-def _speed(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
-
-
 def _reason(error: OSError) -> str:
     return os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-
-
-def _fail(message: str) -> int:
-    print(f"ibfctl-simulator: {message}", file=sys.stderr)
-    return FAILED
 
 
 if __name__ == "__main__":

@@ -28,6 +28,10 @@ class Host(Protocol):
     def catch_up(self) -> None:
         """Let the controller's time catch up with the clock."""
 
+    @property
+    def off(self) -> bool:
+        """Whether the power is off."""
+
     def opened(self, connection: Connection) -> None:
         """Remember a connection."""
 
@@ -56,7 +60,8 @@ class Connection(asyncio.Protocol):
         connected = transport.get_extra_info("socket")
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         address, port = transport.get_extra_info("peername")[:2]
-        self._handle = self._host.controller.handles.open(address, port, self.send, self.reset)
+        if not self._host.off:
+            self._handle = self._host.controller.handles.open(address, port, self.send, self.reset)
         if self._handle is None:
             self.reset()
 

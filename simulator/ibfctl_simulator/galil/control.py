@@ -217,7 +217,9 @@ COMMANDS: dict[str, ControlCommand] = {
         lambda emulator, handle: emulator.faults.half_open(handle), {"handle": _handle}, _EVERY
     ),
     "reset": ControlCommand(_reset, {"handle": _handle}, _EVERY),
-    "power-cycle": ControlCommand(lambda emulator: emulator.controller.power_cycle(), {}, _NONE),
+    "power-cycle": ControlCommand(
+        lambda emulator, seconds: emulator.power_cycle(seconds), {"seconds": _seconds}, {"seconds": 0.0}
+    ),
     "skew": ControlCommand(_skew, {"axis": str, "segments": _count}, {"segments": 1}),
     "limit": ControlCommand(_limit, {"axis": str, "side": _side}, _NONE),
     "position-error": ControlCommand(_position_error, {"axis": str, "counts": int}, _NONE),

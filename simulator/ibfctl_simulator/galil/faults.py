@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -22,7 +23,6 @@ class _OneHandle:
     deaf: bool = False
     damage: dict[Damage, int] = field(default_factory=dict)
     """How many replies are still to be damaged in each way."""
-    last: str = ""
     held: str = ""
 
 
@@ -34,6 +34,8 @@ class ReplyFaults:
 
     def __init__(self) -> None:
         self._of: dict[str, _OneHandle] = {}
+        self._last: dict[str, str] = {}
+        self._late: dict[str, deque[bytes]] = {}
         self._timers: set[asyncio.TimerHandle] = set()
         self._refuse_at: int | None = None
         self._refuse_code = 0
@@ -44,6 +46,7 @@ class ReplyFaults:
         for timer in self._timers:
             timer.cancel()
         self._timers.clear()
+        self._late.clear()
         self._of.clear()
         self._refuse_at = None
 
@@ -84,23 +87,29 @@ class ReplyFaults:
     def deliver(self, letter: str, replies: list[str], send: Callable[[bytes], None]) -> None:
         """Send a batch of replies to a client, as the faults of its handle have it."""
         faults = self._at(letter)
+        before, self._last[letter] = [self._last.get(letter, ""), *replies[:-1]], replies[-1]
+        pairs = list(zip(before, replies, strict=True))
         for one in faults:
-            replies = [text for reply in replies for text in _damaged(one, reply)]
-        if not replies:
+            pairs = [(last, text) for last, reply in pairs for text in _damaged(one, last, reply)]
+        if not pairs:
             return
-        data = "".join(replies).encode("latin-1")
+        data = "".join(text for _, text in pairs).encode("latin-1")
         pieces = [bytes([byte]) for byte in data] if any(one.split for one in faults) else [data]
         delay_s = max((one.delay_s for one in faults), default=0.0)
         for piece in pieces:
             if delay_s:
-                self._later(delay_s, piece, send)
+                self._later(letter, delay_s, piece, send)
             else:
                 send(piece)
 
-    def _later(self, delay_s: float, data: bytes, send: Callable[[bytes], None]) -> None:
+    def _later(self, letter: str, delay_s: float, data: bytes, send: Callable[[bytes], None]) -> None:
+        """Send later; the queue keeps the order where two timers fall together."""
+        queue = self._late.setdefault(letter, deque())
+        queue.append(data)
+
         def act() -> None:
             self._timers.discard(timer)
-            send(data)
+            send(queue.popleft())
 
         timer = asyncio.get_running_loop().call_later(delay_s, act)
         self._timers.add(timer)
@@ -112,9 +121,8 @@ class ReplyFaults:
         return [self._of[key] for key in (ALL, letter) if key in self._of] if self._of else []
 
 
-def _damaged(one: _OneHandle, reply: str) -> list[str]:
-    """What goes out for one reply."""
-    before, one.last = one.last, reply
+def _damaged(one: _OneHandle, before: str, reply: str) -> list[str]:
+    """What goes out for one reply, given the reply before it."""
     if _due(one, "drop"):
         return []
     if _due(one, "garble"):

@@ -10,6 +10,7 @@ from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.arguments import AXIS_INDEX
 from ibfctl_simulator.galil.axis import Axis
 from ibfctl_simulator.galil.errors import CommandError
+from ibfctl_simulator.galil.handles import Handles
 from ibfctl_simulator.galil.parameters import PARAMETERS
 from ibfctl_simulator.galil.programs.engine import THREADS, Engine
 from ibfctl_simulator.galil.state import ANALOG_INPUTS, INPUTS, OUTPUTS, State
@@ -62,14 +63,17 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 }
 
 _NUMBERED = re.compile(r"(XQ|HX|CN|AQ)(\d+)")
+_HANDLE_STATE = re.compile(r"IH([A-H])2")
+TCP_SLAVE = 2
 
 
 class ControllerValues:
     """Looks up the names of an expression."""
 
-    def __init__(self, state: State, engine: Engine) -> None:
+    def __init__(self, state: State, engine: Engine, handles: Handles) -> None:
         self._state = state
         self._engine = engine
+        self._handles = handles
 
     def operand(self, name: str) -> float:
         """Value of `_XX`, `_XXA`, `_XXn` (name without the underscore) or `TIME`."""
@@ -82,6 +86,9 @@ class ControllerValues:
         numbered = _NUMBERED.fullmatch(name)
         if numbered:
             return self._numbered(numbered[1], int(numbered[2]))
+        handle = _HANDLE_STATE.fullmatch(name)
+        if handle:
+            return 0.0 if self._handles.get(handle[1]) is None else float(TCP_SLAVE)
         index = AXIS_INDEX.get(name[2:3] or "A")
         if index is None or index >= len(self._state.axes) or len(name) > 3:
             raise CommandError(errors.BAD_OPERAND)

@@ -38,6 +38,7 @@ class Emulator:
         self._server: asyncio.Server | None = None
         self._tick: asyncio.Task[None] | None = None
         self._connections: set[Connection] = set()
+        self._off_until_s = 0.0
 
     async def start(self, host: str, port: int) -> None:
         """Listen; `host` and `port` then tell where.
@@ -88,6 +89,16 @@ class Emulator:
         state = self.controller.state
         clock.step(samples * state.sample_period_s * state.clock_scale)
         self.proceed()
+
+    def power_cycle(self, off_s: float) -> None:
+        """Start the controller anew; for `off_s` of wall-clock time nobody can connect."""
+        self._off_until_s = asyncio.get_running_loop().time() + off_s
+        self.controller.power_cycle()
+
+    @property
+    def off(self) -> bool:
+        """Whether the power is off."""
+        return asyncio.get_running_loop().time() < self._off_until_s
 
     def opened(self, connection: Connection) -> None:
         """Remember a connection."""

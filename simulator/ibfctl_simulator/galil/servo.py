@@ -45,6 +45,12 @@ class ServoModel:
     encoder_noise_counts: float = 0.0
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if self.kind not in ("ideal", "lag", "second_order"):
+            raise ValueError(f"servo.kind: {self.kind!r} is neither 'ideal', 'lag' nor 'second_order'")
+        if self.encoder_resolution_counts < 1 or self.encoder_noise_counts < 0 or self.time_constant_s < 0:
+            raise ValueError("servo: resolution must be at least 1 count, noise and time constant not negative")
+
 
 class Servo:
     """The state of one axis's load: position in counts, velocity in counts/s."""

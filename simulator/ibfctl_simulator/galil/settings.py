@@ -23,11 +23,11 @@ class Settings:
     pvt_places
         Places of the PVT buffer of one axis.
     pvt_full_error
-        Error code of a `PV` at a full buffer; None drops the segment without an error. Unconfirmed.
+        Error code of a `PV` at a full buffer; 0 drops the segment without an error. Unconfirmed.
     pvt_minimum_samples, pvt_even_samples
         Shortest segment, and whether an odd time is refused. Unconfirmed.
     begin_empty_error
-        Error code of a `BT` on an axis without segments; None accepts it. Unconfirmed.
+        Error code of a `BT` on an axis without segments; 0 accepts it. Unconfirmed.
     begin_motor_off_error, begin_running_error
         Error codes of a `BT` with the motor off and of a second `BT`. Unconfirmed for PVT.
     underrun_deceleration
@@ -63,10 +63,10 @@ class Settings:
     firmware: str = "1.3a"
     serial_number: int = 4020
     pvt_places: int = 255
-    pvt_full_error: int | None = 32
+    pvt_full_error: int = 32
     pvt_minimum_samples: int = 1
     pvt_even_samples: bool = False
-    begin_empty_error: int | None = 24
+    begin_empty_error: int = 24
     begin_motor_off_error: int = 20
     begin_running_error: int = 21
     underrun_deceleration: Literal["DC", "instant"] = "DC"
@@ -87,6 +87,10 @@ class Settings:
     def __post_init__(self) -> None:
         if not 1 <= self.axes <= 8:
             raise ValueError(f"axes: {self.axes} is not between 1 and 8")
+        if self.family not in ("40x0", "41x3"):
+            raise ValueError(f"family: {self.family!r} is neither '40x0' nor '41x3'")
+        if self.underrun_deceleration not in ("DC", "instant"):
+            raise ValueError(f"underrun_deceleration: {self.underrun_deceleration!r} is neither 'DC' nor 'instant'")
 
     @property
     def model(self) -> str:

@@ -80,7 +80,7 @@ def check_begin_pvt(axis: Axis) -> None:
         raise CommandError(axis.settings.begin_motor_off_error)
     if axis.profile is not None:
         raise CommandError(axis.settings.begin_running_error)
-    if not axis.buffer.waiting and axis.settings.begin_empty_error is not None:
+    if not axis.buffer.waiting and axis.settings.begin_empty_error:
         raise CommandError(axis.settings.begin_empty_error)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from typing import Self
 
 import pytest
 from ibfctl_simulator.galil.clock import SteppedClock
@@ -43,6 +44,12 @@ class Client:
     def close(self) -> None:
         """Close in good order."""
         self.socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 @pytest.fixture
@@ -85,3 +92,9 @@ def serve() -> Iterator[Callable[..., Client]]:
             return client
 
         yield serve
+
+
+@pytest.fixture
+def make_client() -> type[Client]:
+    """Return the class of raw clients, for tests that run servers of their own."""
+    return Client

@@ -178,7 +178,7 @@ def test_the_buffer_takes_255_segments_and_rejects_the_next(console):
 
 
 def test_a_full_buffer_can_be_set_to_drop_silently(make_console):
-    console = make_console(pvt_full_error=None)
+    console = make_console(pvt_full_error=0)
     queue(console, "A", [(1, 0, 2)] * 256)
     assert console.number("_PVA") == 0
 

@@ -36,7 +36,7 @@ def add_segment(request: Request) -> str | None:
     if too_short or (settings.pvt_even_samples and segment.time_samples % 2):
         raise CommandError(errors.OUT_OF_RANGE)
     if axis.buffer.free == 0:
-        if settings.pvt_full_error is not None:
+        if settings.pvt_full_error:
             raise CommandError(settings.pvt_full_error)
         return None
     axis.buffer.add(segment)
@@ -49,7 +49,7 @@ def begin(request: Request) -> None:
     axes = [state.axes[index] for index in request.axes()]
     if not request.text.strip():
         axes = [axis for axis in axes if axis.buffer.waiting]
-        if not axes and state.settings.begin_empty_error is not None:
+        if not axes and state.settings.begin_empty_error:
             raise CommandError(state.settings.begin_empty_error)
     for axis in axes:
         starts.check_begin_pvt(axis)

@@ -44,7 +44,7 @@ class Request:
     @property
     def values(self) -> ControllerValues:
         """What expressions can name."""
-        return ControllerValues(self.state, self.engine)
+        return ControllerValues(self.state, self.engine, self.handles)
 
     def value(self, text: str) -> float:
         """Return the value of a number or expression."""
