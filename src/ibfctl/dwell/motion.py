@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 # Gauss points per full width at half maximum that the longest segment covers; at least MIN_POINTS a segment.
 POINTS_PER_WIDTH = 8
 MIN_POINTS = 3
+# The prediction is cheap and is compared with traces: a measured influence function is rougher than a Gaussian one.
+# Seen on a measured fluid-jet function: 3 points are off by 15 pm RMS, 8 points by 0.5 pm.
+PREDICTION_POINTS = 8
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,8 @@ def executed_removal(
     program: PvtProgram, grid: Grid, influence: InfluenceFunction, points: int | None = None
 ) -> FloatArray:
     """Removal (ny, nx) in nm of the executed cubics of a program on the pixels of `grid`."""
-    motion = motion_points(program, points or points_per_segment(program, influence))
+    points = points or max(PREDICTION_POINTS, points_per_segment(program, influence))
+    motion = motion_points(program, points)
     return removal_of_samples(grid, influence, motion.x_mm.ravel(), motion.y_mm.ravel(), motion.time_s.ravel())
 
 
