@@ -1,8 +1,8 @@
 """What is to be removed, as the solver sees it: the clear aperture averaged over cells that the tool can resolve.
 
-The influence function is smooth: inside a cell of an eighth of its width it removes nearly the same everywhere. Comparing
-cell averages (of the target and, by the same average folded into the influence function, of the removal) keeps
-all that the tool can correct and costs a small part of the pixels.
+The influence function is smooth: inside a cell of an eighth of its width it removes nearly the same everywhere.
+Comparing cell averages (of the target and, by the same average folded into the influence function, of the removal)
+keeps all that the tool can correct and costs a small part of the pixels.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ class MotionPoints:
 def motion_points(program: PvtProgram, points: int) -> MotionPoints:
     """Sample the cubics of a program at `points` Gauss points in time per segment."""
     node, weight = np.polynomial.legendre.leggauss(points)
-    time_s = program.time_samples * program.sample_period_s
+    time_s = program.time_s
     tau = 0.5 * (node + 1) * time_s[:, None]
     place = {}
     for coordinate in ("x", "y"):

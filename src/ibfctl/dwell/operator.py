@@ -17,6 +17,9 @@ from ibfctl.surface.influence import InfluenceFunction
 
 FloatArray = NDArray[np.float64]
 
+# Below this size a second thread costs more than it saves.
+_THREADED_PIXELS = 1 << 17
+
 
 class Convolution:
     """Removal on a map's pixels from seconds deposited on a second grid in line with it.
@@ -33,43 +36,40 @@ class Convolution:
 
     def __init__(self, target: Grid, source: Grid, influence: InfluenceFunction) -> None:
         kernel = influence.resampled(target.pixel_mm).rate_nm_s
-        half_y, half_x = kernel.shape[0] // 2, kernel.shape[1] // 2
-        row0 = round((target.y0_mm - source.y0_mm) / target.pixel_mm)
-        column0 = round((target.x0_mm - source.x0_mm) / target.pixel_mm)
+        half = kernel.shape[0] // 2, kernel.shape[1] // 2
+        offset = (
+            round((target.y0_mm - source.y0_mm) / target.pixel_mm),
+            round((target.x0_mm - source.x0_mm) / target.pixel_mm),
+        )
         self._target_shape = (target.ny, target.nx)
         self._source_shape = (source.ny, source.nx)
-        # Circular images of the kernel must not reach the map from any deposited pixel.
         self._shape = (
-            _length(row0, target.ny, source.ny, half_y),
-            _length(column0, target.nx, source.nx, half_x),
+            _length(offset[0], target.ny, source.ny, half[0]),
+            _length(offset[1], target.nx, source.nx, half[1]),
         )
-        self._rows = (row0 + np.arange(target.ny)) % self._shape[0]
-        self._columns = (column0 + np.arange(target.nx)) % self._shape[1]
+        self._workers = 2 if self._shape[0] * self._shape[1] > _THREADED_PIXELS else 1
+        # The offset between the grids goes into the kernel: both keep their first pixel at index zero.
         padded = np.zeros(self._shape)
-        rows = (np.arange(kernel.shape[0]) - half_y) % self._shape[0]
-        columns = (np.arange(kernel.shape[1]) - half_x) % self._shape[1]
+        rows, columns = (
+            (np.arange(-reach, reach + 1) - shift) % length
+            for reach, shift, length in zip(half, offset, self._shape, strict=True)
+        )
         padded[np.ix_(rows, columns)] = kernel
         self._transfer = fft.rfft2(padded, workers=self._workers)
-
-    @property
-    def _workers(self) -> int:
-        return 2 if self._shape[0] * self._shape[1] > 1 << 17 else 1
+        self._reverse = np.conj(self._transfer)
 
     def __call__(self, time_s: FloatArray) -> FloatArray:
         """Removal (ny, nx) in nm from seconds on the source grid."""
-        spectrum = fft.rfft2(time_s, self._shape, workers=self._workers)
-        spectrum *= self._transfer
-        removal = fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True)
-        return removal[np.ix_(self._rows, self._columns)]
+        return self._filtered(time_s, self._transfer)[: self._target_shape[0], : self._target_shape[1]]
 
     def adjoint(self, values: FloatArray) -> FloatArray:
         """Adjoint of the call: from values on the map (ny, nx) to the source grid."""
-        padded = np.zeros(self._shape)
-        padded[np.ix_(self._rows, self._columns)] = values
-        spectrum = fft.rfft2(padded, workers=self._workers)
-        spectrum *= np.conj(self._transfer)
-        correlated = fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True)
-        return correlated[: self._source_shape[0], : self._source_shape[1]]
+        return self._filtered(values, self._reverse)[: self._source_shape[0], : self._source_shape[1]]
+
+    def _filtered(self, values: FloatArray, transfer: NDArray[np.complex128]) -> FloatArray:
+        spectrum = fft.rfft2(values, self._shape, workers=self._workers)
+        spectrum *= transfer
+        return np.asarray(fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True))
 
 
 def _length(offset: int, target: int, source: int, half: int) -> int:

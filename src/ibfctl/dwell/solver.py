@@ -1,10 +1,10 @@
 """Bounded, regularised least squares for dwell times, by accelerated projected gradients.
 
-Minimises  1/2 |target - P A t|² + 1/2 λ |t|² + w Σ t  with  lower <= t <= upper,  where A is the removal operator
-and P takes out the free terms and weighs the cells, so that |·| is an RMS in nm (Zhang et al. 2021, Int. J.
-Precis. Eng. Manuf.-Green Tech. 8, Eq. 4, with a price w on beam time). The step is safe by construction: for a
-removal rate without negative parts, the largest ratio of one application bounds the curvature
-(Collatz and Wielandt). Momentum restarts when it points uphill.
+Minimises  1/2 |target - P A t|² + 1/2 λ |t|² + 1/2 μ |D t|² + w Σ t  with  lower <= t <= upper,  where A is the
+removal operator and P takes out the free terms and weighs the cells, so that |·| is an RMS in nm (Zhang et al. 2021,
+Int. J. Precis. Eng. Manuf.-Green Tech. 8, Eq. 4, with a price w on beam time and one μ on changes along the path).
+The step is safe by construction: for a removal rate without negative parts, the largest ratio of one application
+bounds the curvature (Collatz and Wielandt). Momentum restarts when it points uphill.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ibfctl.dwell.misfit import Misfit
 from ibfctl.dwell.operator import RemovalOperator
@@ -41,15 +40,15 @@ class DwellProblem:
         What is to be removed.
     lower_s, upper_s : (n,) float64
         Bounds of the times.
-    roughness : sparse (n, n), optional
-        Quadratic penalty on the times, e.g. on differences along the path; its largest eigenvalue is one.
+    joined : (n - 1,) bool, optional
+        Whether a step and the next are one straight motion, whose change of time is penalised.
     """
 
     operator: RemovalOperator
     misfit: Misfit
     lower_s: FloatArray
     upper_s: FloatArray
-    roughness: sparse.csr_array | None = None
+    joined: NDArray[np.bool_] | None = None
 
     def residual(self, time_s: FloatArray) -> FloatArray:
         """Weighted, levelled residual (m,); its norm is the RMS in nm over the cells."""
@@ -63,6 +62,16 @@ class DwellProblem:
         """Negative gradient (n,) of half the squared norm of `residual`."""
         return self.operator.adjoint(self.misfit.adjoint(residual))
 
+    def roughness(self, time_s: FloatArray) -> FloatArray:
+        """Gradient (n,) of half the squared changes along the path, divided by four: its curvature is at most one."""
+        change = np.diff(time_s)
+        if self.joined is not None:
+            change = np.where(self.joined, change, 0.0)
+        gradient = np.zeros(time_s.size)
+        gradient[1:] += change
+        gradient[:-1] -= change
+        return gradient / 4
+
     def curvature(self) -> float:
         """Upper bound of the largest eigenvalue of the normal operator, in nm²/s²."""
         weights = np.zeros(self.misfit.mask.shape)
@@ -71,92 +80,93 @@ class DwellProblem:
         bound = np.inf
         for _ in range(12):
             product = self.operator.adjoint(weights * self.operator(vector))
-            floor = 1e-9 * product.max()
             bound = min(bound, float((product / vector).max()))
-            vector = np.maximum(product, floor) / product.max()
-        return 1.02 * bound
+            vector = np.maximum(product / product.max(), 1e-9)
+        # Interpolation weights have small negative parts.
+        return 1.05 * bound
 
 
 @dataclass(frozen=True)
-class DwellSolution:
-    """Times and how well they solve the problem.
+class Regularisation:
+    """Weights relative to the largest eigenvalue of the normal operator.
+
+    Attributes
+    ----------
+    tikhonov
+        λ, on the times themselves: below the noise of any measured map by default.
+    smoothing
+        μ, on changes along straight motion: what a stage would have to do with accelerations.
+    """
+
+    tikhonov: float = 1e-8
+    smoothing: float = 1e-4
+
+
+class Descent:
+    """Accelerated projected gradient descent on one problem, whose price on time may change on the way.
 
     Attributes
     ----------
     time_s : (n,) float64
-        Times within the bounds.
-    objective : float
-        Value of the objective, nm².
-    optimality : float
-        Largest projected gradient step, relative to the largest time: zero at the optimum.
-    iterations : int
-        Gradient evaluations used.
+        The present times, within the bounds.
+    step : float
+        Largest change of a time in the last full step, relative to the largest time: zero at the optimum.
     """
 
-    time_s: FloatArray
-    objective: float
-    optimality: float
-    iterations: int
+    def __init__(
+        self,
+        problem: DwellProblem,
+        regularisation: Regularisation,
+        start_s: FloatArray,
+        cancelled: Cancelled = never,
+        curvature: float | None = None,
+    ) -> None:
+        self.curvature = problem.curvature() if curvature is None else curvature
+        self._problem, self._cancelled = problem, cancelled
+        self._tikhonov = regularisation.tikhonov * self.curvature
+        self._smoothing = regularisation.smoothing * self.curvature
+        self.time_s = np.clip(start_s, problem.lower_s, problem.upper_s)
+        self.step = np.inf
+        self._ahead, self._momentum = self.time_s, 1.0
 
+    def advance(self, price_nm2_s: float, iterations: int, tolerance: float = 0.0) -> int:
+        """Take up to `iterations` steps with a price on time; return how many were taken.
 
-def solve_bounded(
-    problem: DwellProblem,
-    *,
-    tikhonov: float,
-    smoothing: float = 0.0,
-    time_weight: float,
-    start_s: FloatArray,
-    iterations: int,
-    tolerance: float = 1e-6,
-    curvature: float | None = None,
-    cancelled: Cancelled = never,
-) -> DwellSolution:
-    """Solve one problem.
+        Raises
+        ------
+        CancelledError
+            When the planning was cancelled.
+        """
+        problem = self._problem
+        lipschitz = self.curvature + self._tikhonov + self._smoothing
+        for done in range(iterations):
+            if done % 16 == 0 and self._cancelled():
+                raise CancelledError("planning was cancelled", "start it again when wanted")
+            ahead = self._ahead
+            descent = problem.descent(problem.residual(ahead)) - price_nm2_s
+            descent -= self._tikhonov * ahead
+            if self._smoothing:
+                descent -= self._smoothing * problem.roughness(ahead)
+            moved = np.clip(ahead + descent / lipschitz, problem.lower_s, problem.upper_s)
+            change = moved - self.time_s
+            full = ahead - moved
+            if full @ change > 0:
+                self._momentum = 1.0
+            following = 0.5 * (1 + np.sqrt(1 + 4 * self._momentum**2))
+            self._ahead = moved + (self._momentum - 1) / following * change
+            self.time_s, self._momentum = moved, following
+            self.step = float(np.abs(full).max()) / max(float(moved.max()), 1e-300)
+            if self.step < tolerance:
+                return done + 1
+        return iterations
 
-    Parameters
-    ----------
-    tikhonov
-        λ in nm²/s².
-    time_weight
-        w in nm²/s.
-    start_s : (n,) float64
-        Where to start; clipped to the bounds.
-    iterations
-        At most so many gradients.
-    tolerance
-        Stop when a full step would change no time by more than this share of the largest.
-    curvature
-        Bound from `DwellProblem.curvature`, where it is known already.
-
-    Raises
-    ------
-    CancelledError
-        When `cancelled` answers True.
-    """
-    lipschitz = (problem.curvature() if curvature is None else curvature) + tikhonov + smoothing
-    time_s = np.clip(start_s, problem.lower_s, problem.upper_s)
-    ahead, momentum = time_s, 1.0
-    step = np.inf
-    used = 0
-    while used < iterations:
-        if used % 32 == 0 and cancelled():
-            raise CancelledError("planning was cancelled", "start it again when wanted")
-        descent = problem.descent(problem.residual(ahead)) - tikhonov * ahead - time_weight
-        if problem.roughness is not None:
-            descent -= smoothing * (problem.roughness @ ahead)
-        used += 1
-        moved = np.clip(ahead + descent / lipschitz, problem.lower_s, problem.upper_s)
-        step = float(np.abs(moved - ahead).max()) / max(float(np.abs(moved).max()), 1e-300)
-        change = moved - time_s
-        if (ahead - moved) @ change > 0:
-            momentum = 1.0
-        following = 0.5 * (1 + np.sqrt(1 + 4 * momentum**2))
-        ahead = moved + (momentum - 1) / following * change
-        time_s, momentum = moved, following
-        if step < tolerance:
-            break
-    residual = problem.residual(time_s)
-    objective = (
-        0.5 * float(residual @ residual) + 0.5 * tikhonov * float(time_s @ time_s) + time_weight * float(time_s.sum())
-    )
-    return DwellSolution(time_s, objective, step, used)
+    def objective(self, price_nm2_s: float) -> float:
+        """Value of the objective at the present times, nm²."""
+        residual, time_s = self._problem.residual(self.time_s), self.time_s
+        rough = float(time_s @ self._problem.roughness(time_s))
+        return (
+            0.5 * float(residual @ residual)
+            + 0.5 * self._tikhonov * float(time_s @ time_s)
+            + 0.5 * self._smoothing * rough
+            + price_nm2_s * float(time_s.sum())
+        )

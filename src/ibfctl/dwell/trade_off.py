@@ -1,7 +1,8 @@
 """The shortest time at the floor: how much residual a saved second costs, and where to stop paying.
 
-A price on beam time moves the solution along the curve of residual against total time. From the solution without
-a price (the floor) the price is raised until the residual leaves the margin, then narrowed down between.
+A price on beam time moves the solution along the curve of residual against total time. First the floor is found,
+without a price; then the price is steered, while the descent goes on, until the residual sits at the edge of the
+margin that is given for a shorter run.
 """
 
 from __future__ import annotations
@@ -12,19 +13,43 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.dwell.solver import Cancelled, DwellProblem, never, solve_bounded
+from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation, never
 
 FloatArray = NDArray[np.float64]
+Residual = Callable[[FloatArray], float]
 
-# λ relative to the largest eigenvalue of the normal operator: below the noise of any measured map.
-TIKHONOV = 1e-8
-FLOOR_ITERATIONS = 1500
-PRICE_ITERATIONS = 400
+
+@dataclass(frozen=True)
+class Aim:
+    """Where on the curve of residual against time a plan is to lie; one of three.
+
+    Attributes
+    ----------
+    margin
+        The shortest time whose residual is within this share of the best.
+    max_time_s
+        The best residual in this time.
+    max_residual_nm
+        The shortest time to this residual (RMS).
+    """
+
+    margin: float = 0.01
+    max_time_s: float | None = None
+    max_residual_nm: float | None = None
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long to search: iterations to the floor, then rounds of steering the price."""
+
+    floor_iterations: int = 800
+    rounds: int = 24
+    iterations_per_round: int = 40
 
 
 @dataclass(frozen=True)
 class TradeOffPoint:
-    """One solution on the curve.
+    """One solution on the curve of residual against time.
 
     Attributes
     ----------
@@ -44,70 +69,72 @@ class TradeOffPoint:
 
 @dataclass(frozen=True)
 class TradeOff:
-    """The curve, from the floor to the shortest time tried, and the point chosen on it."""
+    """The floor, and the point that was aimed at."""
 
-    points: tuple[TradeOffPoint, ...]
+    floor: TradeOffPoint
     chosen: TradeOffPoint
 
 
-def shortest_at_floor(
+def aim_at(
     problem: DwellProblem,
-    rms_nm: Callable[[FloatArray], float],
+    residual_nm: Residual,
+    aim: Aim,
     *,
-    margin: float,
     start_s: FloatArray,
-    tikhonov: float = TIKHONOV,
-    searches: int = 9,
+    regularisation: Regularisation,
+    effort: Effort,
     cancelled: Cancelled = never,
 ) -> TradeOff:
-    """Find the shortest dwell times whose residual is within `margin` of the floor.
+    """Find the dwell times that `aim` asks for.
 
     Parameters
     ----------
     problem
         What to solve.
-    rms_nm
-        Residual of dwell times (n,) on the full map.
-    margin
-        Allowed rise of the residual over the floor, relative.
+    residual_nm
+        RMS of the residual of dwell times (n,) on the full map.
+    aim
+        Shortest time within a margin of the floor, or within a limit on time or residual.
     start_s : (n,) float64
         Where to start.
-    tikhonov
-        λ relative to the largest eigenvalue of the normal operator.
-    searches
-        Solutions with a price, at most.
     """
-    curvature = problem.curvature()
+    descent = Descent(problem, regularisation, start_s, cancelled)
 
-    def at(price: float, start: FloatArray, iterations: int) -> TradeOffPoint:
-        solution = solve_bounded(
-            problem,
-            tikhonov=tikhonov * curvature,
-            time_weight=price,
-            start_s=start,
-            iterations=iterations,
-            curvature=curvature,
-            cancelled=cancelled,
-        )
-        times = solution.time_s
-        return TradeOffPoint(price, rms_nm(times), float(times.sum()), times)
+    def here(price: float) -> TradeOffPoint:
+        return TradeOffPoint(price, residual_nm(descent.time_s), float(descent.time_s.sum()), descent.time_s)
 
-    floor = at(0.0, start_s, FLOOR_ITERATIONS)
-    points = [floor]
-    allowed = (1 + margin) * floor.rms_nm
+    descent.advance(0.0, effort.floor_iterations, 1e-7)
+    floor = here(0.0)
+    allowed_nm = aim.max_residual_nm or (1 + aim.margin) * floor.rms_nm
+
+    def too_long_or_fine(point: TradeOffPoint) -> bool:
+        if aim.max_time_s is not None:
+            return point.total_time_s > aim.max_time_s
+        return point.rms_nm < allowed_nm
+
     chosen = floor
-    # A price at which the whole beam time is worth the margin: the first guess by orders of magnitude.
-    price = margin * floor.rms_nm**2 / floor.total_time_s
-    too_dear: float | None = None
-    for _ in range(searches if margin > 0 else 0):
-        point = at(price, chosen.time_s, PRICE_ITERATIONS)
-        points.append(point)
-        if point.rms_nm <= allowed:
-            chosen = point if point.total_time_s < chosen.total_time_s else chosen
-            price = 4 * price if too_dear is None else float(np.sqrt(price * too_dear))
-        else:
-            too_dear = price
-            price = float(np.sqrt(max(chosen.price_nm2_s, price / 16) * price))
-        if too_dear is not None and chosen.rms_nm > (1 + 0.9 * margin) * floor.rms_nm:
-            break
-    return TradeOff(tuple(sorted(points, key=lambda point: -point.total_time_s)), chosen)
+    # The price at which the margin is worth a hundredth of the beam time.
+    price = max(allowed_nm**2 - floor.rms_nm**2, 1e-4 * floor.rms_nm**2) / (0.01 * floor.total_time_s + 1e-300)
+    factor, last = 4.0, None
+    for _ in range(effort.rounds):
+        descent.advance(price, effort.iterations_per_round)
+        point = here(price)
+        chosen = _better(point, chosen, aim, allowed_nm)
+        dearer = too_long_or_fine(point)
+        if last is not None and dearer != last:
+            factor = max(np.sqrt(factor), 1.02)
+        price, last = price * factor if dearer else price / factor, dearer
+    return TradeOff(floor, chosen)
+
+
+def _better(one: TradeOffPoint, other: TradeOffPoint, aim: Aim, allowed_nm: float) -> TradeOffPoint:
+    """The one of two points that serves the aim better."""
+    if aim.max_time_s is not None:
+        fits = [point for point in (one, other) if point.total_time_s <= aim.max_time_s]
+        if len(fits) == 2:
+            return min(fits, key=lambda point: point.rms_nm)
+        return fits[0] if fits else min((one, other), key=lambda point: point.total_time_s)
+    fits = [point for point in (one, other) if point.rms_nm <= allowed_nm]
+    if len(fits) == 2:
+        return min(fits, key=lambda point: point.total_time_s)
+    return fits[0] if fits else min((one, other), key=lambda point: point.rms_nm)

@@ -9,10 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
 MAX_SEGMENT_SAMPLES = 2048
 MAX_INCREMENT_COUNTS = 44_000_000
 MAX_VELOCITY_COUNTS_S = 22_000_000
+
+
+def seconds(samples: IntArray, sample_period_s: float) -> FloatArray:
+    """Durations in seconds, of the shape of `samples`."""
+    return np.asarray(samples * sample_period_s, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,11 @@ class PvtProgram:
 
     def __len__(self) -> int:
         return int(self.time_samples.size)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Duration of each segment, (n,)."""
+        return seconds(self.time_samples, self.sample_period_s)
 
     @property
     def total_time_s(self) -> float:

@@ -62,8 +62,11 @@ def cell_centres(area: Rectangle, pitch_mm: float) -> tuple[NDArray[np.float64],
     ]
     if 4 * counts[0] * counts[1] > MAX_NODES:
         raise InputError(f"maze: pitch {pitch_mm:g} mm gives more than {MAX_NODES} nodes", "choose a larger pitch")
-    middle = (0.5 * (area.x0_mm + area.x1_mm), 0.5 * (area.y0_mm + area.y1_mm))
-    x_mm, y_mm = (mid + 2 * pitch_mm * (np.arange(n) - 0.5 * (n - 1)) for mid, n in zip(middle, counts, strict=True))
+    middles = (0.5 * (area.x0_mm + area.x1_mm), 0.5 * (area.y0_mm + area.y1_mm))
+    x_mm, y_mm = (
+        np.asarray(middle + 2 * pitch_mm * (np.arange(n) - 0.5 * (n - 1)), dtype=np.float64)
+        for middle, n in zip(middles, counts, strict=True)
+    )
     return x_mm, y_mm
 
 

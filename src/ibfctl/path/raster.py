@@ -49,4 +49,4 @@ def _centred(low_mm: float, high_mm: float, spacing_mm: float) -> FloatArray:
         raise InputError(
             f"raster: spacing {spacing_mm:g} mm gives more than {MAX_NODES} nodes", "choose a larger pitch or step"
         )
-    return 0.5 * (low_mm + high_mm) + spacing_mm * (np.arange(count + 1) - 0.5 * count)
+    return np.asarray(0.5 * (low_mm + high_mm) + spacing_mm * (np.arange(count + 1) - 0.5 * count), dtype=np.float64)

@@ -51,3 +51,11 @@ class ToolPath:
     def length_mm(self) -> FloatArray:
         """Length of every segment, (n,)."""
         return np.hypot(np.diff(self.x_mm), np.diff(self.y_mm))
+
+    @property
+    def straight(self) -> NDArray[np.bool_]:
+        """Whether each segment goes straight on into the next, (n - 1,)."""
+        move = np.stack([np.diff(self.x_mm), np.diff(self.y_mm)])
+        along = (move[:, 1:] * move[:, :-1]).sum(axis=0)
+        across = move[0, :-1] * move[1, 1:] - move[1, :-1] * move[0, 1:]
+        return np.asarray((along > 0) & (np.abs(across) <= 1e-6 * along))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from ibfctl.dwell.trade_off import Aim
+from ibfctl.surface.levelling import Removed
 from ibfctl.surface.map import Rectangle
 
-Removed = Literal["none", "piston", "tilt"]
+__all__ = ["Aim", "PlanOptions", "Removed"]
 
 
 @dataclass(frozen=True)
@@ -18,11 +20,13 @@ class PlanOptions:
     Attributes
     ----------
     path
-        "raster", or a CSV file of nodes (`x_mm,y_mm`); "nodes" marks a schedule of given nodes.
+        "raster", "maze", or a CSV file of nodes (`x_mm,y_mm`); "nodes" marks a schedule of given nodes.
     pitch_mm, step_mm
-        Distance between lines and between nodes along a line.
+        Distance between lines and between nodes along a line; a maze has its pitch alone.
     scan_axis
         Axis along which the raster's lines run.
+    seed
+        Of a random path.
     clear_aperture
         Where the residual counts; None for the whole valid map.
     remove
@@ -32,13 +36,23 @@ class PlanOptions:
         Lower bound on every dwell time, above what the machine's limits ask for; None for the machine's own.
     corridor_mm
         How far the executed path may leave its programmed segment; None for 5 % of the pitch.
+    loop
+        Whether dwell times are corrected for the motion that is really executed.
+    aim
+        Balance of residual and time.
+    tikhonov
+        Tikhonov factor relative to the largest eigenvalue of the removal operator's normal operator.
     """
 
-    path: Literal["raster", "nodes"] | Path = "raster"
+    path: Literal["raster", "maze", "nodes"] | Path = "raster"
     pitch_mm: float = 0.5
     step_mm: float = 0.5
     scan_axis: Literal["x", "y"] = "x"
+    seed: int = 0
     clear_aperture: Rectangle | None = None
     remove: Removed = "tilt"
     dwell_min_s: float | None = None
     corridor_mm: float | None = None
+    loop: bool = True
+    aim: Aim = field(default_factory=Aim)
+    tikhonov: float = 1e-8

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,23 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Round:
+    """What one round of the loop reached; the first is the plain chain.
+
+    Attributes
+    ----------
+    rms_nm, total_time_s
+        Executed residual and run time of the best program after this round.
+    accepted
+        Whether the round improved on the one before.
+    """
+
+    rms_nm: float
+    total_time_s: float
+    accepted: bool
+
+
+@dataclass(frozen=True)
 class Plan:
     """A plan with its proof.
 
@@ -88,6 +105,8 @@ class Plan:
         What was decided, and the checks on its integers.
     surface, influence, prediction
         What was given and is expected; None where only a schedule was asked for.
+    rounds
+        What each round of motion in the loop reached, the plain chain first; empty without the loop.
     inputs
         Name and hash of every input, by role ("map", "influence", "machine", ...).
     planning_time_s
@@ -103,6 +122,7 @@ class Plan:
     surface: SurfaceMap | None = None
     influence: InfluenceFunction | None = None
     prediction: Prediction | None = None
+    rounds: tuple[Round, ...] = ()
     inputs: Mapping[str, InputFile] = field(default_factory=dict)
     planning_time_s: float = 0.0
 
@@ -125,6 +145,7 @@ class Plan:
             "peak_velocity_mm_s": {letter: peak[0] for letter, peak in self.peaks().items()},
             "peak_acceleration_mm_s2": {letter: peak[1] for letter, peak in self.peaks().items()},
             "certificate": self.certificate.summary(),
+            "rounds": [asdict(round_) for round_ in self.rounds],
             "planning_time_s": self.planning_time_s,
         }
 

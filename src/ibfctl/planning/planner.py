@@ -4,37 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.dwell.deposition import grid_of
-from ibfctl.dwell.misfit import cell_size, make_misfit
-from ibfctl.dwell.motion import executed_removal
 from ibfctl.dwell.operator import RemovalOperator
-from ibfctl.dwell.solver import Cancelled, DwellProblem, never
-from ibfctl.dwell.trade_off import shortest_at_floor
-from ibfctl.errors import CancelledError, InputError
+from ibfctl.dwell.solver import Cancelled, Regularisation, never
+from ibfctl.dwell.trade_off import Effort, TradeOff, aim_at
+from ibfctl.errors import CancelledError, InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
-from ibfctl.path.from_file import read_nodes
-from ibfctl.path.raster import raster
 from ibfctl.path.tool_path import ToolPath
-from ibfctl.planning.aperture import bounding_box, check_sizes, clear_aperture_mask, grown
+from ibfctl.planning.job import PlanningJob, corridor_of, prepare
+from ibfctl.planning.loop import execute, refine
 from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import DwellPlan, InputFile, Plan, Prediction, levelled
-from ibfctl.schedule.scheduler import PvtSchedule, schedule, shortest_times
+from ibfctl.planning.plan import DwellPlan, InputFile, Plan, Prediction, Round, levelled
+from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
-from ibfctl.surface.levelling import Levelling, rms
 from ibfctl.surface.map import SurfaceMap
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-
-# How much residual, relative to the floor, is given for a shorter run.
-MARGIN = 0.01
-# Corridor as a share of the pitch, where none is given.
-CORRIDOR_SHARE = 0.05
 
 
 def _silent(stage: str, fraction: float) -> None:
@@ -77,59 +66,66 @@ def make_plan(
             raise CancelledError("planning was cancelled", "start it again when wanted")
         report(name, fraction)
 
-    stage("reading the clear aperture", 0.0)
-    check_sizes(surface, influence)
-    mask = clear_aperture_mask(surface, options.clear_aperture)
-    path = make_path(surface, mask, influence, options)
-    corridor_mm = _corridor_mm(options)
-    grid = grid_of(surface)
-    levelling = Levelling.over(mask, options.remove)
-    target = levelling(surface.height_nm[mask])
-
-    def residual_nm(removal_nm: FloatArray) -> FloatArray:
-        return np.asarray(target - levelling(removal_nm[mask]))
-
+    stage("laying the path", 0.0)
+    job = prepare(surface, influence, machine, options)
     stage("solving dwell times", 0.1)
-    misfit = make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence))
-    lower_s = np.maximum(shortest_times(path, machine), options.dwell_min_s or 0.0)
-    ideal = RemovalOperator(grid, influence, path.dwell_x_mm, path.dwell_y_mm)
-    problem = DwellProblem(
-        RemovalOperator(misfit.grid, misfit.influence, path.dwell_x_mm, path.dwell_y_mm),
-        misfit,
-        lower_s,
-        np.full(path.segments, np.inf),
-    )
-    dwell_s = shortest_at_floor(
-        problem,
-        lambda time_s: rms(residual_nm(ideal(time_s))),
-        margin=MARGIN,
-        start_s=lower_s,
-        cancelled=stop,
-    ).chosen.time_s
-    stage("scheduling", 0.7)
-    scheduled = schedule(path, dwell_s, machine, corridor_mm, stretch=True)
-    stage("predicting the executed removal", 0.9)
-    removal_nm = executed_removal(scheduled.program, grid, influence)
-    prediction = Prediction(
-        mask,
-        levelled(surface.height_nm, mask, levelling),
-        _over(mask, residual_nm(ideal(dwell_s))),
-        removal_nm,
-        _over(mask, residual_nm(removal_nm)),
-    )
+    ideal = RemovalOperator(job.grid, influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
+    regularisation = Regularisation(options.tikhonov)
+    chosen = solve_dwell(job, ideal, regularisation, stop).chosen
+    stage("scheduling", 0.6)
+    best = execute(job, chosen.time_s)
+    rounds: tuple[Round, ...] = ()
+    if options.loop:
+        stage("correcting for the executed motion", 0.7)
+        best, rounds = refine(job, best, chosen.price_nm2_s, regularisation, stop)
     report("planned", 1.0)
     return Plan(
         machine,
         options,
-        path,
-        DwellPlan(path.dwell_x_mm, path.dwell_y_mm, dwell_s),
-        scheduled.program,
-        scheduled.certificate,
+        job.path,
+        DwellPlan(job.path.dwell_x_mm, job.path.dwell_y_mm, best.asked_s),
+        best.scheduled.program,
+        best.scheduled.certificate,
         surface,
         influence,
-        prediction,
+        Prediction(
+            job.clear_aperture,
+            levelled(surface.height_nm, job.clear_aperture, job.levelling),
+            job.residual_map_nm(ideal(chosen.time_s)),
+            best.removal_nm,
+            job.residual_map_nm(best.removal_nm),
+        ),
+        rounds,
         dict(inputs or {}),
         time.perf_counter() - begin,
+    )
+
+
+def solve_dwell(
+    job: PlanningJob, ideal: RemovalOperator, regularisation: Regularisation, cancelled: Cancelled = never
+) -> TradeOff:
+    """Solve the dwell times of a job at its dwell points, to what its options aim at.
+
+    Raises
+    ------
+    LimitsError
+        If the shortest times that the machine needs exceed the time aimed at.
+    """
+    aim = job.options.aim
+    if aim.max_time_s is not None and job.lower_s.sum() > aim.max_time_s:
+        raise LimitsError(
+            f"plan: this path takes the machine at least {job.lower_s.sum():.1f} s, more than {aim.max_time_s:g} s",
+            "allow more time, or choose a larger pitch or step",
+        )
+    operator = RemovalOperator(job.misfit.grid, job.misfit.influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
+    return aim_at(
+        job.problem(operator, job.lower_s),
+        lambda time_s: job.rms_nm(ideal(time_s)),
+        aim,
+        start_s=job.lower_s,
+        regularisation=regularisation,
+        effort=Effort(),
+        cancelled=cancelled,
     )
 
 
@@ -162,7 +158,7 @@ def schedule_nodes(
     moving = path.length_mm[path.length_mm > 0]
     pitch_mm = float(np.median(moving)) if moving.size else 1.0
     options = PlanOptions(path="nodes", pitch_mm=pitch_mm, step_mm=pitch_mm, corridor_mm=corridor_mm)
-    scheduled: PvtSchedule = schedule(path, dwell_s[1:], machine, _corridor_mm(options))
+    scheduled: PvtSchedule = schedule(path, dwell_s[1:], machine, corridor_of(options))
     return Plan(
         machine,
         options,
@@ -173,26 +169,3 @@ def schedule_nodes(
         inputs=dict(inputs or {}),
         planning_time_s=time.perf_counter() - begin,
     )
-
-
-def make_path(
-    surface: SurfaceMap, mask: NDArray[np.bool_], influence: InfluenceFunction, options: PlanOptions
-) -> ToolPath:
-    """Make the path that the options ask for: the clear aperture and an overrun by the tool's radius."""
-    if isinstance(options.path, Path):
-        return read_nodes(options.path)
-    area = grown(bounding_box(surface, mask), influence.radius_mm)
-    return raster(area, options.pitch_mm, options.step_mm, options.scan_axis)
-
-
-def _corridor_mm(options: PlanOptions) -> float:
-    corridor_mm = CORRIDOR_SHARE * options.pitch_mm if options.corridor_mm is None else options.corridor_mm
-    if not (np.isfinite(corridor_mm) and corridor_mm > 0):
-        raise InputError(f"corridor is {corridor_mm:g} mm, it must be positive", "correct --corridor-mm")
-    return corridor_mm
-
-
-def _over(mask: NDArray[np.bool_], values: FloatArray) -> FloatArray:
-    result = np.full(mask.shape, np.nan)
-    result[mask] = values
-    return result

@@ -19,6 +19,8 @@ from ibfctl.path.tool_path import ToolPath
 
 FloatArray = NDArray[np.float64]
 
+MAX_SEGMENTS = 8_000_000
+
 
 @dataclass(frozen=True)
 class CountedPath:
@@ -29,7 +31,7 @@ class CountedPath:
     position_counts : mapping of axis letter to (n + 1,) int64
         Absolute positions of the nodes.
     time_samples : (n,) int64
-        Even durations of the segments, 2 to 2048 samples.
+        Even durations of the segments, at most 2048 samples.
     source_segment : (n,) int64
         Segment of the path that each belongs to: long dwells are split into several.
     """
@@ -44,42 +46,45 @@ class CountedPath:
 
 
 def even_samples(time_s: FloatArray, sample_period_s: float) -> IntArray:
-    """Round durations (n,) to even samples so that the running sum never drifts by more than one sample.
+    """Round durations (n,) to even samples, zero allowed, so that the running sum never drifts by more than one sample.
 
-    Segments shorter than two samples get two; the time is taken back from what follows.
+    Halves go up always: a duration that is a whole number of sample pairs keeps them wherever it starts.
     """
-    pairs = np.rint(np.cumsum(time_s) / (2 * sample_period_s)).astype(np.int64)
-    # A time grid that moves on by at least one pair per segment: running maximum of (pairs - index).
-    index = np.arange(1, pairs.size + 1)
-    pairs = np.maximum.accumulate(np.maximum(pairs - index, 0)) + index
-    return 2 * np.diff(pairs, prepend=0)
+    pairs = np.floor(np.cumsum(time_s) / (2 * sample_period_s) + 0.5).astype(np.int64)
+    return np.asarray(2 * np.diff(pairs, prepend=0))
 
 
-def count_path(path: ToolPath, dwell_s: FloatArray, machine: MachineDescription) -> CountedPath:
-    """Put a timed path on the grid of counts and samples; split segments longer than 2048 samples.
+def count_path(path: ToolPath, samples: IntArray, machine: MachineDescription) -> CountedPath:
+    """Put a timed path on the grid of counts; split segments longer than 2048 samples.
 
     Parameters
     ----------
     path
         Nodes in mm.
-    dwell_s : (n,) float64
-        Time of each segment.
+    samples : (n,) int64
+        Even duration of each segment.
     machine
-        Scales, directions, travel and sample period.
+        Scales, directions and travel.
 
     Raises
     ------
     LimitsError
-        If a node lies outside the travel of an axis.
+        If a node lies outside the travel of an axis, or the times make too many segments.
     """
-    samples = even_samples(dwell_s, machine.sample_period_s)
-    pieces = -(-samples // MAX_SEGMENT_SAMPLES)
+    pieces = np.maximum(-(-samples // MAX_SEGMENT_SAMPLES), 1)
+    if pieces.sum() > MAX_SEGMENTS:
+        raise LimitsError(
+            f"schedule: dwell times of up to {samples.max() * machine.sample_period_s:.3g} s make {pieces.sum()} "
+            f"segments, more than {MAX_SEGMENTS}",
+            "shorten the dwell times or split the job",
+        )
     source = np.repeat(np.arange(samples.size), pieces)
     # Piece k of m ends at the even sample nearest to k/m of the segment: again absolute, never accumulated.
     ordinal = np.arange(source.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     parts, whole = pieces[source], samples[source]
     piece_end = np.where(ordinal + 1 == parts, whole, 2 * ((whole * (ordinal + 1)) // (2 * parts)))
     piece_start = 2 * ((whole * ordinal) // (2 * parts))
+    reached = np.where(ordinal + 1 == parts, 1.0, piece_end / np.maximum(whole, 1))
     counts: dict[str, IntArray] = {}
     for letter, axis in machine.axes.items():
         node_mm = path.x_mm if axis.coordinate == "x" else path.y_mm
@@ -91,7 +96,7 @@ def count_path(path: ToolPath, dwell_s: FloatArray, machine: MachineDescription)
                 f"travel {axis.travel_min_mm:g} to {axis.travel_max_mm:g} mm ({int(outside.sum())} nodes outside)",
                 "move the part, shrink the clear aperture, or correct the travel in the machine file",
             )
-        ends_mm = node_mm[source] + (node_mm[source + 1] - node_mm[source]) * (piece_end / whole)
+        ends_mm = node_mm[source] + (node_mm[source + 1] - node_mm[source]) * reached
         scale = axis.signed_counts_per_mm
         counts[letter] = np.rint(np.concatenate([node_mm[:1], ends_mm]) * scale).astype(np.int64)
     return CountedPath(counts, piece_end - piece_start, source)

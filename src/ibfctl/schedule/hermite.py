@@ -86,8 +86,7 @@ class Cubics:
     @property
     def acceleration_jumps(self) -> FloatArray:
         """Acceleration after minus before each node, (n + 1,); at rest before the first and after the last."""
-        zero = np.zeros(1)
-        return np.concatenate([self.start_acceleration, zero]) - np.concatenate([zero, self.end_acceleration])
+        return np.asarray(np.append(self.start_acceleration, 0.0) - np.append(0.0, self.end_acceleration))
 
 
 def _like(values: FloatArray, tau_s: FloatArray) -> FloatArray:

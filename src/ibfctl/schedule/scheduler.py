@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.errors import LimitsError, SolverError
+from ibfctl.errors import InputError, LimitsError, SolverError
 from ibfctl.machine.description import Axis, MachineDescription
-from ibfctl.machine.program import AxisProgram, IntArray, PvtProgram
+from ibfctl.machine.program import MAX_SEGMENT_SAMPLES, AxisProgram, IntArray, PvtProgram, seconds
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.schedule.certificate import Certificate, certify
-from ibfctl.schedule.counting import CountedPath, count_path
+from ibfctl.schedule.counting import MAX_SEGMENTS, CountedPath, count_path, even_samples
 from ibfctl.schedule.stretching import sufficient_samples
 from ibfctl.schedule.task import AxisTask, Tasks, free_nodes, stretches
 from ibfctl.schedule.velocity import solve_velocities
@@ -71,26 +71,26 @@ def schedule(
     SolverError
         If no velocities pass the certificate.
     """
-    _check_times(dwell_s, path)
-    counted = count_path(path, dwell_s, machine)
-    asked = counted.time_samples
-    needed = np.maximum(asked, shortest_samples(counted, machine))
+    _check_times(dwell_s, path, machine.sample_period_s)
+    asked = needed = even_samples(dwell_s, machine.sample_period_s)
     for share in _SHARES:
-        time_s = needed * machine.sample_period_s
+        counted = _counted(path, needed, machine)
+        needed = _per_segment(counted, counted.time_samples, path)
+        time_s = seconds(counted.time_samples, machine.sample_period_s)
         tasks = _tasks(counted, machine, time_s)
         solution = solve_velocities(tasks, time_s, corridor_mm)
         if not solution.excess.any():
             break
-        needed = _longer(tasks, needed, solution.excess, machine.sample_period_s, share)
+        longer = _longer(tasks, counted.time_samples, solution.excess, machine.sample_period_s, share)
+        needed = _per_segment(counted, longer, path)
     else:
         raise SolverError(
             f"schedule: limits still exceeded by {solution.excess.max():.2%} in times that should do",
             "use longer dwell times or a wider corridor",
         )
     if not stretch and (needed > asked).any():
-        raise _times_too_short(path, counted, asked, needed, machine.sample_period_s)
-    executed = replace(counted, time_samples=needed)
-    program = _program(executed, solution.velocity_mm_s, machine)
+        raise _times_too_short(path, seconds(needed - asked, machine.sample_period_s))
+    program = _program(counted, solution.velocity_mm_s, machine)
     total_s = float(dwell_s.sum() + (needed - asked).sum() * machine.sample_period_s)
     certificate = certify(program, machine, path, total_s, corridor_mm)
     if not certificate.passed:
@@ -99,8 +99,7 @@ def schedule(
             f"schedule: certificate fails at {failed.name}: {failed.value:.6g} over the limit of {failed.limit:.6g}",
             "this is a defect of the scheduler: keep the input files and report it",
         )
-    segment_time_s = np.bincount(executed.source_segment, time_s, minlength=path.segments).astype(np.float64)
-    return PvtSchedule(program, certificate, segment_time_s, executed.source_segment)
+    return PvtSchedule(program, certificate, seconds(needed, machine.sample_period_s), counted.source_segment)
 
 
 def shortest_times(path: ToolPath, machine: MachineDescription) -> FloatArray:
@@ -108,10 +107,11 @@ def shortest_times(path: ToolPath, machine: MachineDescription) -> FloatArray:
 
     Whole numbers of sample pairs, in seconds: rounding the running sum of longer times never falls below them.
     """
-    counted = count_path(path, np.zeros(path.segments), machine)
-    shortest = shortest_samples(counted, machine)
-    tasks = _tasks(counted, machine, shortest * machine.sample_period_s)
-    return np.asarray(sufficient_samples(tasks, shortest, machine.sample_period_s) * machine.sample_period_s)
+    counted = _counted(path, np.zeros(path.segments, dtype=np.int64), machine)
+    shortest = counted.time_samples
+    tasks = _tasks(counted, machine, seconds(shortest, machine.sample_period_s))
+    sufficient = sufficient_samples(tasks, shortest, machine.sample_period_s)
+    return seconds(_per_segment(counted, sufficient, path), machine.sample_period_s)
 
 
 def shortest_samples(counted: CountedPath, machine: MachineDescription) -> IntArray:
@@ -129,6 +129,24 @@ def shortest_samples(counted: CountedPath, machine: MachineDescription) -> IntAr
         push = np.sqrt(np.choose(ends_at_rest, [0.0, 2.0, 6.0]) * move_mm / axis.a_max_mm_s2)
         shortest_s = np.maximum(shortest_s, np.maximum(speed, push))
     return 2 * np.maximum(np.ceil(0.5 * shortest_s / machine.sample_period_s * (1 + 1e-4)), 1).astype(np.int64)
+
+
+def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription) -> CountedPath:
+    """Count a path whose segments take `samples` (n,), or the shortest time of each piece where that is longer."""
+    while True:
+        counted = count_path(path, samples, machine)
+        enough = np.maximum(counted.time_samples, shortest_samples(counted, machine))
+        if enough.max() <= MAX_SEGMENT_SAMPLES:
+            return replace(counted, time_samples=enough)
+        # Too long for one piece: count again, in more pieces.
+        samples = _per_segment(counted, enough, path)
+
+
+def _per_segment(counted: CountedPath, samples: IntArray, path: ToolPath) -> IntArray:
+    """Samples of each segment of the path (n,) from those of its pieces."""
+    total = np.zeros(path.segments, dtype=np.int64)
+    np.add.at(total, counted.source_segment, samples)
+    return total
 
 
 def _longer(tasks: Tasks, samples: IntArray, excess: FloatArray, sample_period_s: float, share: float) -> IntArray:
@@ -149,7 +167,7 @@ def _tasks(counted: CountedPath, machine: MachineDescription, time_s: FloatArray
         return AxisTask(
             move_counts / axis.signed_counts_per_mm,
             axis.v_max_mm_s - 2 * step_mm_s,
-            axis.a_max_mm_s2 - 6 * step_mm_s / time_s,
+            np.maximum(axis.a_max_mm_s2 - 6 * step_mm_s / time_s, 1e-3 * axis.a_max_mm_s2),
             step_mm_s,
             free_nodes(move_counts),
         )
@@ -175,29 +193,28 @@ def _program(
     return PvtProgram(dict(sorted(axes.items())), coordinates, counted.time_samples, machine.sample_period_s)
 
 
-def _check_times(dwell_s: FloatArray, path: ToolPath) -> None:
+def _check_times(dwell_s: FloatArray, path: ToolPath, sample_period_s: float) -> None:
     if dwell_s.shape != (path.segments,):
-        raise SolverError(f"schedule: {path.segments} segments but {dwell_s.size} times", "give one time per segment")
-    bad = ~(np.isfinite(dwell_s) & (dwell_s >= 0))
+        raise InputError(f"schedule: {path.segments} segments but {dwell_s.size} times", "give one time per segment")
+    longest_s = MAX_SEGMENTS * MAX_SEGMENT_SAMPLES * sample_period_s
+    bad = ~((dwell_s >= 0) & (dwell_s <= longest_s))
     if bad.any():
         node = int(np.argmax(bad)) + 1
         raise LimitsError(
-            f"schedule: dwell time at node {node} is {dwell_s[node - 1]:g} s", "times must be finite and not negative"
+            f"schedule: dwell time at node {node} is {dwell_s[node - 1]:g} s",
+            f"times must lie between 0 and {longest_s:.3g} s",
         )
 
 
-def _times_too_short(
-    path: ToolPath, counted: CountedPath, asked: IntArray, needed: IntArray, sample_period_s: float
-) -> LimitsError:
-    missing_s = np.bincount(counted.source_segment, (needed - asked) * sample_period_s, minlength=path.segments)
+def _times_too_short(path: ToolPath, missing_s: FloatArray) -> LimitsError:
     worst = np.argsort(-missing_s, kind="stable")[:5]
     named = ", ".join(
-        f"node {segment + 1} ({path.x_mm[segment + 1]:.3f}, {path.y_mm[segment + 1]:.3f} mm) +{missing_s[segment]:.4f} s"
-        for segment in worst
-        if missing_s[segment] > 0
+        f"node {node} ({path.x_mm[node]:.3f}, {path.y_mm[node]:.3f} mm) +{missing_s[node - 1]:.4f} s"
+        for node in worst + 1
+        if missing_s[node - 1] > 0
     )
-    count = int((missing_s > 0).sum())
     return LimitsError(
-        f"schedule: the limits cannot be met in the given times: {count} nodes need more, the worst: {named}",
-        f"lengthen these dwell times ({missing_s.sum():.3f} s in all) or raise v_max_mm_s or a_max_mm_s2",
+        f"schedule: the limits cannot be met in the given times: {int((missing_s > 0).sum())} nodes need more, "
+        f"the worst: {named}",
+        f"lengthen these dwell times ({missing_s[missing_s > 0].sum():.3f} s in all), or raise the machine's limits",
     )

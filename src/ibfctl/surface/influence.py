@@ -60,7 +60,7 @@ class InfluenceFunction:
     @property
     def radius_mm(self) -> float:
         """Half of the longer side of the table: beyond it nothing is removed."""
-        return 0.5 * (max(self.rate_nm_s.shape) - 1) * self.pixel_mm
+        return float(0.5 * (max(self.rate_nm_s.shape) - 1) * self.pixel_mm)
 
     def resampled(self, pixel_mm: float) -> InfluenceFunction:
         """Return the same function on another pixel pitch, with an odd number of pixels and the same volume rate.

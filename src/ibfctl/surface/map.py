@@ -65,12 +65,12 @@ class SurfaceMap:
     @property
     def x_mm(self) -> FloatArray:
         """Pixel centres along x, shape (nx,)."""
-        return self.x0_mm + self.pixel_mm * np.arange(self.height_nm.shape[1])
+        return np.asarray(self.x0_mm + self.pixel_mm * np.arange(self.height_nm.shape[1]), dtype=np.float64)
 
     @property
     def y_mm(self) -> FloatArray:
         """Pixel centres along y, shape (ny,)."""
-        return self.y0_mm + self.pixel_mm * np.arange(self.height_nm.shape[0])
+        return np.asarray(self.y0_mm + self.pixel_mm * np.arange(self.height_nm.shape[0]), dtype=np.float64)
 
     @property
     def extent_mm(self) -> Rectangle:
