@@ -25,6 +25,9 @@ from ibfctl_simulator.galil.settings import SAMPLES_PER_SECOND, Settings
 from ibfctl_simulator.galil.switches import Direction, Switches, first_true
 
 MOVING, ARRIVED, STOPPED, ABORTED, OFF_ON_ERROR = 0, 1, 4, 7, 8
+LOOK_AHEAD_SAMPLES = 512
+"""How far an axis looks ahead at least: many short chunks then cost little more than one long one."""
+
 LIMIT_CODES: dict[Direction, int] = {"forward": 2, "reverse": 3}
 
 Mode = Literal["none", "absolute", "relative", "jog", "tracking", "pvt", "contour", "edge", "home", "index"]
@@ -44,14 +47,20 @@ class Motion:
     encoder_counts: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Plan:
-    """Coming samples, and what happens at the last of them."""
+    """Coming samples, how many of them have passed, and what happens at the last of them."""
 
     commanded: FloatArray
     load: FloatArray
     encoder: FloatArray
     reaction: Callable[[], None] | None
+    passed: int = 0
+
+    @property
+    def left(self) -> int:
+        """How many samples are still to pass."""
+        return len(self.commanded) - self.passed
 
 
 class Axis:
@@ -111,6 +120,8 @@ class Axis:
     @property
     def encoder_counts(self) -> int:
         """What the encoder reads at the present sample."""
+        if self.servo.faithful:
+            return round(self.servo.position_counts)
         return int(self.servo.read(np.array([self.servo.position_counts]), self._sample)[0])
 
     @property
@@ -161,6 +172,7 @@ class Axis:
             self.finish(code)
         self.servo.place(self.servo.position_counts)
         self.motor_on = False
+        self.forget()
 
     def define_position(self, counts: int) -> None:
         """Call the present commanded position `counts`; the following error stays."""
@@ -169,6 +181,7 @@ class Axis:
 
     def shift_origin(self, by_counts: int) -> None:
         """Move the place that the host calls zero forward; the axis stays where it is."""
+        self.forget()
         self.origin_counts += by_counts
         self.commanded_counts -= by_counts
         self.servo.position_counts -= by_counts
@@ -177,6 +190,7 @@ class Axis:
 
     def run(self, profile: Profile, mode: Mode, code: int) -> None:
         """Start a profile; it may be over at once."""
+        self.forget()
         self.profile, self.mode, self.stop_code, self.stopping = profile, mode, code, False
         self._settle()
 
@@ -224,6 +238,7 @@ class Axis:
 
     def finish(self, code: int) -> None:
         """End the present profile where it is."""
+        self.forget()
         self.commanded_counts = float(self.reference_counts)
         if self.servo.ideal:
             self.servo.place(self.commanded_counts)
@@ -235,10 +250,16 @@ class Axis:
             follow()
 
     def look(self, samples: int) -> int:
-        """Return how many samples pass until something happens on this axis, at most `samples`."""
+        """Return how many samples pass until something may happen on this axis, at most `samples`."""
+        if self._plan is None and not self.quiet:
+            self._look_ahead(max(samples, LOOK_AHEAD_SAMPLES))
+        return samples if self._plan is None else min(samples, self._plan.left)
+
+    def forget(self) -> None:
+        """Look ahead anew: something that the coming samples depend on may have changed."""
         self._plan = None
-        if self.quiet:
-            return samples
+
+    def _look_ahead(self, samples: int) -> None:
         commanded = self._look_at_profile(samples)
         load = commanded
         if self.motor_on:
@@ -246,22 +267,25 @@ class Axis:
         encoder = self.servo.read(load, self._sample + 1)
         count, reaction = self._first_event(commanded, load, encoder)
         self._plan = _Plan(commanded[:count], load[:count], encoder[:count], reaction)
-        return count
 
     def take(self, samples: int) -> Motion | None:
         """Let samples pass, at most as many as `look` has shown; None if the axis stood still."""
-        plan, self._plan = self._plan, None
+        plan = self._plan
         self._sample += samples
         if plan is None:
             return None
+        passed = slice(plan.passed, plan.passed + samples)
+        plan.passed += samples
         if self.profile is not None:
             self.profile.take(samples)
         if self.motor_on:
-            self.servo.take(samples, plan.load)
+            self.servo.take(plan.passed, plan.load)
+        if not plan.left:
+            self._plan = None
         self._settle()
-        if samples == len(plan.commanded) and plan.reaction is not None:
+        if not plan.left and plan.reaction is not None:
             plan.reaction()
-        return Motion(plan.commanded[:samples], plan.encoder[:samples])
+        return Motion(plan.commanded[passed], plan.encoder[passed])
 
     def _look_at_profile(self, samples: int) -> FloatArray:
         """Commanded positions of the coming samples; a profile that has nothing left ends before them."""
@@ -283,6 +307,7 @@ class Axis:
             (self._limit("reverse", commanded, load), lambda: self._meet_limit("reverse")),
             (self._large_error(commanded, encoder), self._meet_error),
             (self._found(load), self.on_found),
+            (self._settled(), None),
         ):
             if found is not None and found < count:
                 count, reaction = found + 1, react
@@ -334,6 +359,12 @@ class Axis:
         if self.search is None:
             return None
         return self.search(load + self.origin_counts, self.physical_counts)
+
+    def _settled(self) -> int | None:
+        """Index of the first sample at which a load that lags behind an ended profile stands still."""
+        if self.profile is not None or self.servo.ideal:
+            return None
+        return self.servo.first_settled(self.commanded_counts)
 
     def _settle(self) -> None:
         """Take over the state of the profile and go on with what follows its end."""

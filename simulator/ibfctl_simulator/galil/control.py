@@ -55,6 +55,8 @@ def apply_command(emulator: Emulator, line: str) -> None:
     missing = [key for key in command.keys if key not in values]
     if missing:
         raise ValueError(f"{name}: {missing[0]} is missing")
+    for axis in emulator.controller.state.axes:
+        axis.forget()
     command.act(emulator, **values)
 
 

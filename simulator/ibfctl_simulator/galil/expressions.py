@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Protocol
 
 from ibfctl_simulator.galil import errors
@@ -67,7 +68,8 @@ def evaluate(text: str, values: Values) -> float:
     return value
 
 
-def _tokens(text: str) -> list[tuple[str, str]]:
+@lru_cache(maxsize=1024)
+def _tokens(text: str) -> tuple[tuple[str, str], ...]:
     tokens: list[tuple[str, str]] = []
     position, text = 0, text.rstrip()
     while position < len(text):
@@ -76,11 +78,11 @@ def _tokens(text: str) -> list[tuple[str, str]]:
             raise CommandError(errors.OPERAND)
         tokens.append((match.lastgroup, match[match.lastgroup]))
         position = match.end()
-    return tokens
+    return tuple(tokens)
 
 
 class _Parser:
-    def __init__(self, tokens: list[tuple[str, str]], values: Values) -> None:
+    def __init__(self, tokens: tuple[tuple[str, str], ...], values: Values) -> None:
         self._tokens = tokens
         self._next = 0
         self._values = values

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.commands import (
@@ -31,6 +32,15 @@ from ibfctl_simulator.galil.state import State
 
 GOOD, BAD = ":", "?"
 
+HARMLESS = frozenset(
+    """
+    PV MG TC TP RP TE TD TV TT TS TB SC QR QZ SB CB OB OP IF EL EN JP JS RE RI WT AT AM MC AI NO XQ HX TH WH
+    """.split()  # noqa: SIM905 - a list of 34 strings is harder to read
+)
+"""Commands that change nothing an axis has looked ahead with."""
+
+MOST_KNOWN = 4096
+
 _AXIS_LETTERS = frozenset("ABCDEFGHXYZWNMST")
 
 
@@ -39,6 +49,14 @@ class Pending:
     """A reply that is due when a wait is over."""
 
     wait: Wait
+
+
+class _Call(NamedTuple):
+    """A command ready to be carried out."""
+
+    handler: Handler
+    text: str
+    harmless: bool
 
 
 Reply = str | Pending | Download
@@ -54,6 +72,7 @@ class Interpreter:
         self._engine = engine
         self._pusher = pusher
         self._handlers: dict[str, Handler] = {}
+        self._known: dict[str, _Call] = {}
         for module in (
             configuration,
             contour,
@@ -105,16 +124,29 @@ class Interpreter:
     def _run(self, command: str, handle: str, thread: Thread | None) -> str | bytes | Wait | Download | None:
         if not command:
             return None
+        call = self._known.get(command)
+        if call is None:
+            call = self._parse(command)
+            if thread is not None:  # a program repeats itself, a client seldom does
+                self._remember(command, call)
+        if not call.harmless:
+            for axis in self._state.axes:
+                axis.forget()
+        request = Request(self._state, self._handles, self._engine, self._pusher, handle, thread, call.text)
+        return call.handler(request)
+
+    def _parse(self, command: str) -> _Call:
         name, equals, expression = command.partition("=")
         handler = self._handlers.get(command[:2])
         if equals and not (handler is not None and len(name) == 3 and name[2] in _AXIS_LETTERS):
             target = variables.target(name)
             if target is not None:
-                request = self._request(handle, thread, expression.strip())
-                return variables.assign(request, target)
+                return _Call(lambda request: variables.assign(request, target), expression.strip(), harmless=True)
         if handler is None:
             raise CommandError(errors.UNKNOWN_COMMAND)
-        return handler(self._request(handle, thread, command[2:]))
+        return _Call(handler, command[2:], harmless=command[:2] in HARMLESS)
 
-    def _request(self, handle: str, thread: Thread | None, text: str) -> Request:
-        return Request(self._state, self._handles, self._engine, self._pusher, handle, thread, text)
+    def _remember(self, command: str, call: _Call) -> None:
+        if len(self._known) >= MOST_KNOWN:
+            self._known.clear()
+        self._known[command] = call

@@ -11,6 +11,8 @@ from ibfctl_simulator.galil.profiles import FloatArray
 
 NOISE_BLOCK_SAMPLES = 1024
 FULL_TORQUE_VOLTS = 9.9982
+SETTLED_COUNTS = 1e-3
+SETTLED_COUNTS_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,6 @@ class ServoModel:
 class Servo:
     """The state of one axis's load: position in counts, velocity in counts/s."""
 
-    SETTLED_COUNTS = 1e-3
-
     def __init__(self, model: ServoModel) -> None:
         self.model = model
         self.position_counts = 0.0
@@ -75,8 +75,10 @@ class Servo:
 
     @property
     def faithful(self) -> bool:
-        """Whether the encoder always reads the commanded position."""
-        return self.ideal and self.frozen_counts is None and not self.disturbance_counts
+        """Whether the encoder always reads the load's position, and that is the commanded one."""
+        healthy = self.frozen_counts is None and not self.disturbance_counts
+        exact = self.model.encoder_resolution_counts == 1 and not self.model.encoder_noise_counts
+        return self.ideal and healthy and exact
 
     def place(self, position_counts: float) -> None:
         """Put the load at rest at a position."""
@@ -85,10 +87,14 @@ class Servo:
 
     def settled(self, commanded_counts: float) -> bool:
         """Whether the load stands where it is told to."""
-        if self.ideal:
-            return True
-        near = abs(commanded_counts - self.position_counts) < self.SETTLED_COUNTS
-        return near and abs(self.velocity_counts_s) < self.SETTLED_COUNTS / 1e-3
+        return self.ideal or _at_rest(commanded_counts, self.position_counts, self.velocity_counts_s)
+
+    def first_settled(self, commanded_counts: float) -> int | None:
+        """Index of the first of the samples `look` has shown at which the load stands still; None if none."""
+        for index, (position, velocity, _) in enumerate(self._track):
+            if _at_rest(commanded_counts, position, velocity):
+                return index
+        return None
 
     def look(self, commanded_counts: FloatArray, previous_counts: float, period_s: float) -> FloatArray:
         """Load positions that result from coming commanded positions; nothing is consumed."""
@@ -104,7 +110,7 @@ class Servo:
         return np.array([position for position, _, _ in self._track])
 
     def take(self, samples: int, commanded_counts: FloatArray) -> None:
-        """Consume samples that `look` has shown."""
+        """Go to the state after the first `samples` samples that `look` has shown."""
         if not samples:
             return
         if self.ideal:
@@ -158,3 +164,8 @@ class Servo:
         ]
         start = first_sample - first * NOISE_BLOCK_SAMPLES
         return np.concatenate(blocks)[start : start + samples]
+
+
+def _at_rest(commanded_counts: float, position_counts: float, velocity_counts_s: float) -> bool:
+    near = abs(commanded_counts - position_counts) < SETTLED_COUNTS
+    return near and abs(velocity_counts_s) < SETTLED_COUNTS_S

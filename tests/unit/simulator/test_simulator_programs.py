@@ -135,7 +135,7 @@ def test_threads_share_a_sample_fairly(make_console):
     console.controller.engine.load(Program(["#P;p=p+1;JP#P", "#Q;q=q+1;JP#Q"]))
     console.good("XQ#P,0", "XQ#Q,1")
     console.controller.advance(300)
-    assert console.number("p") == console.number("q") == 200
+    assert console.number("p") == console.number("q") == 300
 
 
 def test_loading_while_a_program_runs_is_refused(console):

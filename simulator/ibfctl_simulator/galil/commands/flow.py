@@ -5,7 +5,6 @@ from __future__ import annotations
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.commands.request import Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
-from ibfctl_simulator.galil.programs.memory import Place
 from ibfctl_simulator.galil.state import INPUTS
 
 
@@ -80,7 +79,7 @@ def watch_inputs(request: Request) -> None:
     request.engine.watched_inputs = set(range(first, last + 1)) if first else set()
 
 
-def _destination_if(request: Request) -> Place | None:
+def _destination_if(request: Request) -> int | None:
     """Where to go; None if the condition is not met."""
     target, comma, condition = request.text.partition(",")
     if comma and request.value(condition) == 0.0:
@@ -88,7 +87,7 @@ def _destination_if(request: Request) -> Place | None:
     return destination(request, target)
 
 
-def destination(request: Request, target: str) -> Place:
+def destination(request: Request, target: str) -> int:
     """Return the place of `#label` or of a line number.
 
     Raises
@@ -99,11 +98,8 @@ def destination(request: Request, target: str) -> Place:
     target = target.strip()
     program = request.engine.program
     if target.startswith("#"):
-        return program.destination(target[1:])
-    line = round(request.value(target)) if target else 0
-    if not 0 <= line < len(program.lines):
-        raise CommandError(errors.BAD_LINE)
-    return Place(line, 0)
+        return program.at_label(target[1:])
+    return program.at_line(round(request.value(target)) if target else 0)
 
 
 def _leave(request: Request, reasons: set[str]) -> None:
@@ -115,22 +111,19 @@ def _leave(request: Request, reasons: set[str]) -> None:
     thread.leave(restore_wait=request.text.strip() == "1")
 
 
-def _behind_branch(request: Request, place: Place, *, stop_at_else: bool) -> Place:
+def _behind_branch(request: Request, place: int, *, stop_at_else: bool) -> int:
     """Place behind the `ELSE` or `ENDIF` that ends the branch at `place`."""
-    program, depth = request.engine.program, 0
-    following = program.following(place)
-    while following is not None:
-        statement = program.statement(following) or ""
-        behind = Place(following.line, following.column + 1)
-        if statement.startswith("ENDIF"):
+    statements, depth = request.engine.program.statements, 0
+    for index in range(place, len(statements)):
+        text = statements[index].text
+        if text.startswith("ENDIF"):
             if depth == 0:
-                return behind
+                return index + 1
             depth -= 1
-        elif statement.startswith("IF"):
+        elif text.startswith("IF"):
             depth += 1
-        elif statement == "ELSE" and depth == 0 and stop_at_else:
-            return behind
-        following = program.following(behind)
+        elif text == "ELSE" and depth == 0 and stop_at_else:
+            return index + 1
     raise CommandError(errors.NO_ENDIF)
 
 

@@ -8,7 +8,6 @@ from ibfctl_simulator.galil.commands.flow import destination
 from ibfctl_simulator.galil.commands.request import Download, Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
 from ibfctl_simulator.galil.programs.engine import THREADS
-from ibfctl_simulator.galil.programs.memory import Place
 
 END_OF_UPLOAD = "\x1a"
 
@@ -45,7 +44,7 @@ def list_labels(request: Request) -> str:
 def execute(request: Request) -> None:
     """`XQ #label,n`, `XQ line,n`, `XQ`: start thread n (0) at a place."""
     target, comma, number = request.text.partition(",")
-    place = destination(request, target) if target.strip() else Place(0, 0)
+    place = destination(request, target) if target.strip() else 0
     if not request.engine.program.lines:
         raise CommandError(errors.UNDEFINED_LABEL)
     thread = integer(request.value(number), 0, THREADS - 1) if comma and number.strip() else 0

@@ -24,6 +24,7 @@ def add_segment(request: Request) -> str | None:
     move, velocity, time = _three_numbers(request, text)
     if (move, velocity, time) == (0, 0, CLEAR):
         axis.buffer.clear()
+        axis.forget()
         return None
     segment = Segment(
         integer(move, -LARGEST_MOVE_COUNTS, LARGEST_MOVE_COUNTS),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ibfctl_simulator.galil import arguments, errors
 from ibfctl_simulator.galil.errors import CommandError
@@ -21,8 +22,7 @@ class Download:
     """The client's next lines are a program, up to a backslash."""
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(NamedTuple):
     """One command: the text behind its two letters, where it came from, and what it acts on.
 
     Attributes

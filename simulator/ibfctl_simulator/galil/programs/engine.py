@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.errors import CommandError
-from ibfctl_simulator.galil.programs.memory import Place, Program
+from ibfctl_simulator.galil.programs.memory import Program
 from ibfctl_simulator.galil.programs.thread import Reason, Thread, Wait
 from ibfctl_simulator.galil.state import State
 
@@ -50,7 +50,7 @@ class Engine:
         self.lost_handle, self._lost = -1, False
         self.error_line = self.error_thread = 0
         if "AUTO" in self.program.labels:
-            self.start(self.program.destination("AUTO"), 0)
+            self.start(self.program.at_label("AUTO"), 0)
 
     def load(self, program: Program) -> None:
         """Replace the program.
@@ -64,7 +64,7 @@ class Engine:
             raise CommandError(errors.PROGRAM_RUNNING)
         self.program = program
 
-    def start(self, place: Place, number: int) -> None:
+    def start(self, place: int, number: int) -> None:
         """Start a thread.
 
         Raises
@@ -89,7 +89,7 @@ class Engine:
     def line_of(self, number: int) -> int:
         """Line that a thread is at, -1 if it does not run."""
         thread = self.threads[number]
-        return -1 if thread is None else thread.current_line
+        return -1 if thread is None else self._line(thread)
 
     def lost(self, handle: int) -> None:
         """Tell that a client was lost."""
@@ -126,38 +126,38 @@ class Engine:
         return thread.wait is None
 
     def _step(self, thread: Thread, execute: Execute) -> None:
-        place = self.program.following(thread.place)
-        if place is None:
+        if thread.place >= len(self.program.statements):
             self.threads[thread.number] = None
             return
-        thread.current_line = place.line
-        thread.place = Place(place.line, place.column + 1)
-        statement = self.program.statement(place) or ""
-        if statement.startswith("#"):
-            return
+        line, statement = self.program.statements[thread.place]
+        thread.place += 1
         try:
             outcome = execute(statement, thread)
         except CommandError as error:
-            self._failed(thread, statement, error)
+            self._failed(thread, line, statement, error)
             return
         if isinstance(outcome, Wait):
             thread.wait = outcome
         elif outcome is not None:
             self.emit(f"{outcome}\r\n")
 
-    def _failed(self, thread: Thread, statement: str, error: CommandError) -> None:
+    def _line(self, thread: Thread) -> int:
+        """Line of a thread: that of the trippoint it waits at, or of its next statement."""
+        return self.program.line_of(thread.place - (thread.wait is not None))
+
+    def _failed(self, thread: Thread, line: int, statement: str, error: CommandError) -> None:
         """Go to `#CMDERR` if there is one and it is not what failed; otherwise end the thread and say so."""
         self._state.error_code = error.code
-        self.error_line, self.error_thread = thread.current_line, thread.number
+        self.error_line, self.error_thread = line, thread.number
         if "CMDERR" not in self.program.labels or thread.serving == "CMDERR":
             self.threads[thread.number] = None
-            self.emit(f"?{thread.current_line} {statement}\r\n")
+            self.emit(f"?{line} {statement}\r\n")
             return
         first = self.threads[0]
         if thread.number != 0:
             self.threads[thread.number] = None
         if first is None:
-            self.start(self.program.destination("CMDERR"), 0)
+            self.start(self.program.at_label("CMDERR"), 0)
         else:
             self._interrupt(first, "CMDERR")
 
@@ -182,7 +182,7 @@ class Engine:
         if reason in [frame.reason for frame in thread.stack]:
             return
         try:
-            thread.call(self.program.destination(reason), reason)
+            thread.call(self.program.at_label(reason), reason)
         except CommandError as error:
             self._state.error_code = error.code
             self.threads[thread.number] = None

@@ -13,15 +13,22 @@ MOST_LINES = 2000
 MOST_LABELS = 510
 
 
-class Place(NamedTuple):
-    """A statement: its line, and its position among the statements of that line."""
+class Statement(NamedTuple):
+    """One statement and the number of its line."""
 
     line: int
-    column: int
+    text: str
 
 
 class Program:
     """Lines of a program, never changed once made.
+
+    Attributes
+    ----------
+    statements
+        All statements in order; a thread's place is an index into them.
+    labels
+        Line of each label.
 
     Raises
     ------
@@ -33,33 +40,35 @@ class Program:
         if len(lines) > MOST_LINES or any(len(line) > LONGEST_LINE for line in lines):
             raise CommandError(errors.DOWNLOAD)
         self.lines = tuple(lines)
-        self._statements = [_statements(line) for line in lines]
+        self.statements: list[Statement] = []
         self.labels: dict[str, int] = {}
-        for number, statements in enumerate(self._statements):
+        self._first_of_line: list[int] = []
+        for number, line in enumerate(lines):
+            self._first_of_line.append(len(self.statements))
+            statements = _statements(line)
             if statements and statements[0].startswith("#"):
-                label = statements[0][1:].strip()
+                label = statements.pop(0)[1:].strip()
                 if label in self.labels:
                     raise CommandError(errors.DUPLICATE_LABEL)
                 self.labels[label] = number
+            self.statements += [Statement(number, text) for text in statements]
         if len(self.labels) > MOST_LABELS:
             raise CommandError(errors.TOO_MANY_LABELS)
 
-    def statement(self, place: Place) -> str | None:
-        """Text of a statement; None behind the last one of a line."""
-        statements = self._statements[place.line]
-        return statements[place.column] if place.column < len(statements) else None
+    def at_line(self, line: int) -> int:
+        """Return the place of the first statement on or behind a line.
 
-    def following(self, place: Place) -> Place | None:
-        """The first place at or after `place` that holds a statement; None at the end of the program."""
-        line, column = place
-        while line < len(self.lines):
-            if column < len(self._statements[line]):
-                return Place(line, column)
-            line, column = line + 1, 0
-        return None
+        Raises
+        ------
+        CommandError
+            11 if there is no such line.
+        """
+        if not 0 <= line < len(self.lines):
+            raise CommandError(errors.BAD_LINE)
+        return self._first_of_line[line]
 
-    def destination(self, label: str) -> Place:
-        """Place of a label.
+    def at_label(self, label: str) -> int:
+        """Return the place of the first statement behind a label.
 
         Raises
         ------
@@ -68,7 +77,13 @@ class Program:
         """
         if label not in self.labels:
             raise CommandError(errors.UNDEFINED_LABEL)
-        return Place(self.labels[label], 0)
+        return self._first_of_line[self.labels[label]]
+
+    def line_of(self, place: int) -> int:
+        """Return the line of a place, that of the last statement behind the end."""
+        if not self.statements:
+            return 0
+        return self.statements[min(place, len(self.statements) - 1)].line
 
 
 def split_statements(text: str, separator: str = ";") -> list[str]:

@@ -8,7 +8,6 @@ from typing import Literal
 
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.errors import CommandError
-from ibfctl_simulator.galil.programs.memory import Place
 
 DEEPEST_STACK = 16
 
@@ -35,30 +34,32 @@ class Wait:
 class Frame:
     """Where a subroutine returns to, and what the thread was waiting for when it was called."""
 
-    place: Place
+    place: int
     reason: Reason
     wait: Wait | None = None
 
 
 @dataclass
 class Thread:
-    """A running thread."""
+    """A running thread.
+
+    Attributes
+    ----------
+    place
+        Index of the statement that comes next.
+    """
 
     number: int
-    place: Place
+    place: int
     stack: list[Frame] = field(default_factory=list)
     wait: Wait | None = None
-    current_line: int = 0
-
-    def __post_init__(self) -> None:
-        self.current_line = self.place.line
 
     @property
     def serving(self) -> Reason | None:
         """The innermost automatic subroutine at work."""
         return next((frame.reason for frame in reversed(self.stack) if frame.reason != "call"), None)
 
-    def call(self, destination: Place, reason: Reason = "call") -> None:
+    def call(self, destination: int, reason: Reason = "call") -> None:
         """Go to a subroutine.
 
         Raises
@@ -74,5 +75,5 @@ class Thread:
     def leave(self, *, restore_wait: bool) -> None:
         """Return from the innermost subroutine."""
         frame = self.stack.pop()
-        self.place, self.current_line = frame.place, frame.place.line
+        self.place = frame.place
         self.wait = frame.wait if restore_wait else None
