@@ -36,6 +36,9 @@ class FakeGalil:
         self.stop_code = {"A": 1, "B": 1}
         self.motor_off = {"A": 1, "B": 1}
         self.segments_per_poll = 20
+        self.program: list[str] = []
+        self.guard_line = -1
+        self._download: list[str] | None = None
         self._rate_hz = sample_rate_hz
         self._lock = threading.Lock()
         self._sockets: list[socket.socket] = []
@@ -92,6 +95,8 @@ class FakeGalil:
                     command = line.decode("ascii")
                     with self._lock:
                         self.log.append((number, command))
+                        if self._downloads(command):
+                            continue
                         answer = self.fault(number, command)
                         if answer is None:
                             answer = self.answer(command)
@@ -101,11 +106,28 @@ class FakeGalil:
         finally:
             handle.close()
 
+    def _downloads(self, line: str) -> bool:
+        """Program lines get no answer."""
+        if line == "DL":
+            self._download = []
+            return True
+        if self._download is None or line == "\\":
+            return False
+        self._download.append(line)
+        return True
+
     def answer(self, command: str) -> bytes:
         if command == "\x12\x16":
             return self._text(self.identity)
         if command == "TC1":
             return self._text(self.reason)
+        if command == "\\":
+            self.program, self._download = self._download or [], None
+            return 2 * PROMPT
+        if command == "UL":
+            return "".join(f"{line}\r\n" for line in self.program).encode("ascii") + b"\x1a:"
+        if command in ("XQ #IBFGRD,0", "HX 0", "AB"):
+            self.guard_line = 1 if command.startswith("XQ") else -1
         if command.startswith("MG _BTA,_BTB"):
             for letter in "AB":
                 self._go_on(letter)
@@ -155,6 +177,8 @@ class FakeGalil:
         if match := re.fullmatch(r"@OUT\[(\d+)\]", name):
             return self.outputs.get(int(match[1]), 0)
         operand, letter = name[:3], name[3:]
+        if operand == "_XQ":
+            return self.guard_line if letter == "0" else -1
         return {
             "_PV": 255 - len(self.queued[letter]),
             "_BT": self.executed[letter],

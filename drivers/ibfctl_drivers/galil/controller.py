@@ -13,6 +13,7 @@ from ibfctl.machine.program import PvtProgram
 from ibfctl_drivers.galil import codec
 from ibfctl_drivers.galil.clock import sample_period_s
 from ibfctl_drivers.galil.gate import GateOutput
+from ibfctl_drivers.galil.guard import THREAD_RUNS, Guard, guard_lines
 from ibfctl_drivers.galil.link import Link, RejectedError
 from ibfctl_drivers.galil.transport import TcpTransport
 
@@ -60,6 +61,8 @@ class GalilController:
             self._status = self._open("status")
             self._gate = GateOutput(machine.beam_gate, lambda: self._open("gate"))
             self._abort = self._open("abort")
+            lines = guard_lines(self._letters, self._gate.close_command, self._gate.closed_condition)
+            self._guard = Guard(self._status, lines)
         except BaseException:
             self.close()
             raise
@@ -123,6 +126,10 @@ class GalilController:
             axis = self._axes[letter]
             self._status.request(f"DC{letter}={codec.acceleration(axis.a_max_mm_s2 * axis.counts_per_mm)}")
 
+    def start_guard(self, patience_s: float) -> None:
+        """Load the guard program, read it back and start it; from now on every poll is a sign of life."""
+        self._guard.start(patience_s)
+
     def clear_segments(self) -> None:
         """Empty the PVT buffers and see that they are empty."""
         for letter in self._letters:
@@ -166,13 +173,15 @@ class GalilController:
     def buffer_status(self) -> BufferStatus:
         """Poll free places, executed segments and stop codes of all axes in one round trip."""
         letters = self._letters
-        values = self._ask([f"{operand}{letter}" for operand in ("_BT", "_PV", "_SC") for letter in letters])
+        self._guard.beat()
+        operands = [f"{operand}{letter}" for operand in ("_BT", "_PV", "_SC") for letter in letters]
+        *values, guard_line = self._ask([*operands, THREAD_RUNS])
         executed, free, codes = (
             dict(zip(letters, values[start : start + len(letters)], strict=True))
             for start in range(0, len(values), len(letters))
         )
         self._free = dict(free)
-        return BufferStatus(free_places=free, executed_segments=executed, stop_codes=codes)
+        return BufferStatus(free, executed, codes, guard_runs=guard_line >= 0)
 
     def status(self) -> Mapping[str, AxisStatus]:
         """Full status of every axis of the job, one round trip per axis."""

@@ -30,6 +30,7 @@ class GateOutput:
         self.open_command = set_line if opens_when_set else clear_line
         self.close_command = clear_line if opens_when_set else set_line
         self._level_when_open = int(opens_when_set)
+        self.closed_condition = f"@OUT[{gate.output}]={1 - self._level_when_open}"
         self._question = message_of([f"@OUT[{gate.output}]"])
         self._open_link = open_link
         self._lock = threading.Lock()

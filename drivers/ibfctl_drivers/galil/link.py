@@ -19,6 +19,7 @@ from ibfctl.errors import ControllerError, LinkError
 from ibfctl_drivers.galil.transport import Transport
 
 MAX_REPLY_BYTES = 65536
+END_OF_UPLOAD = b"\x1a:"
 MAX_BYTES_IN_FLIGHT = 400
 """No manual says how much the controller's input buffer takes; one documented packet is known to fit."""
 
@@ -110,6 +111,36 @@ class Link:
         with self._lock:
             self._settle()
             self._pump(lines)
+
+    def download(self, lines: Sequence[str]) -> None:
+        """Replace the controller's program; it answers once for the program and once for the command.
+
+        A refusal closes the link: nobody knows how many of the lines were then taken for commands.
+        """
+        text = "".join(f"{line}\r" for line in ["DL", *lines, "\\"])
+        with self._lock:
+            self._settle()
+            self._send(text.encode("ascii"))
+            deadline = time.monotonic() + self._timeout_s
+            for _ in range(2):
+                if not self._reply(deadline)[1]:
+                    self._fail("the controller refused a program")
+
+    def upload(self) -> list[str]:
+        """Return the lines of the controller's program; they end with a byte of their own."""
+        with self._lock:
+            self._settle()
+            self._send(b"UL\r")
+            deadline = time.monotonic() + self._timeout_s
+            while not self._received.endswith(END_OF_UPLOAD):
+                if len(self._received) > MAX_REPLY_BYTES or self._received.startswith(b"?"):
+                    self._fail(f"malformed program {bytes(self._received[:40])!r}")
+                self._wait(deadline)
+            text = bytes(self._received[: -len(END_OF_UPLOAD)])
+            self._received.clear()
+        if not _PRINTABLE.fullmatch(text):
+            self._fail(f"malformed program {text[:40]!r}")
+        return [line.rstrip() for line in text.decode("ascii").splitlines() if line.strip()]
 
     def shout(self, data: bytes) -> None:
         """Put bytes on the wire without waiting for any lock; count their prompts with `heard`.

@@ -48,11 +48,20 @@ class AxisStatus:
 
 @dataclass(frozen=True)
 class BufferStatus:
-    """The cheap poll while streaming, per axis letter: free places, executed segments, stop code."""
+    """The cheap poll while streaming.
+
+    Attributes
+    ----------
+    free_places, executed_segments, stop_codes
+        As in `AxisStatus`, per axis letter.
+    guard_runs
+        Whether the guard on the controller watches; it ends once it has had to act.
+    """
 
     free_places: Mapping[str, int]
     executed_segments: Mapping[str, int]
     stop_codes: Mapping[str, int]
+    guard_runs: bool
 
 
 class MotionController(Protocol):
@@ -77,6 +86,14 @@ class MotionController(Protocol):
 
     def move_to(self, position_counts: Mapping[str, int]) -> None:
         """Move the named axes to absolute positions and wait until they stand there within tolerance."""
+
+    def start_guard(self, patience_s: float) -> None:
+        """Load the guard onto the controller, read it back and start it.
+
+        While the gate is open, the guard closes it on the controller itself when the motion is over, and
+        closes it and stops the axes on a limit, a position error, an empty buffer, a lost link, or when no
+        `buffer_status` was asked for during `patience_s` seconds of the controller.
+        """
 
     def clear_segments(self) -> None:
         """Empty the PVT buffers of all axes of the job."""

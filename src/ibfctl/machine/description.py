@@ -58,10 +58,11 @@ class Servo(_Section):
 
 
 class BeamGate(_Section):
-    """The digital output that opens the beam, and its sense."""
+    """The digital output that opens the beam, its sense, and how long the host may be silent meanwhile."""
 
     output: Annotated[int, Field(ge=1, le=80)]
     open_when: Literal["set", "clear"] = "set"
+    guard_patience_s: Annotated[float, Field(ge=0.5, le=60)] = 1.0
 
 
 class Connection(_Section):
@@ -109,7 +110,9 @@ def read_machine(path: Path) -> MachineDescription:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"machine file {path}: cannot be read ({error})", "check the path given to --machine") from error
+        raise InputError(
+            f"machine file {path}: cannot be read ({error})", "check the path given to --machine"
+        ) from error
     return parse_machine(text, str(path))
 
 

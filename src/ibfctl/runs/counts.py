@@ -40,6 +40,11 @@ class CountCheck:
 
     def __call__(self, status: BufferStatus, sent: int, end_sent: bool) -> None:
         """Raise `RunError` unless `status` is what `sent` segments (and an end marker) can lead to."""
+        if not status.guard_runs:
+            raise RunError(
+                "the guard on the controller closed the gate and stopped the axes",
+                "the host was silent for too long, a handle was lost, or an axis stopped: see the log",
+            )
         self._check_stop_codes(status, end_sent)
         self._check_lag(status)
         queued = sent + end_sent

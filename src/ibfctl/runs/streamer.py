@@ -169,6 +169,7 @@ class _Run:
         self._sentinel.check()
         self._controller.servo_on()
         self._controller.move_to({letter: axis.start_counts for letter, axis in self._program.axes.items()})
+        self._controller.start_guard(self._machine.beam_gate.guard_patience_s * self._time_scale)
 
     def _fill(self) -> None:
         self._controller.clear_segments()

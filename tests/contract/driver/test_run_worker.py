@@ -10,27 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.plans import plan_of
 from support.programs import machine, program
 
-from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.file import write_plan
-from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import DwellPlan, Plan
 from ibfctl.runs.trace import read_emulator_trace
-from ibfctl.schedule.certificate import Certificate
 
 TIMEOUT_S = 60
 
 
 @pytest.fixture
 def plan_file(tmp_path: Path) -> Path:
-    job = program(600)
-    nodes, points = np.zeros(601), np.zeros(600)
-    plan = Plan(
-        machine(), PlanOptions(), ToolPath(nodes, nodes), DwellPlan(points, points, points), job, Certificate(()),
-        None, None, None, {}, 0.0,
-    )  # fmt: skip
-    write_plan(plan, tmp_path / "plan.h5")
+    write_plan(plan_of(program(600)), tmp_path / "plan.h5")
     return tmp_path / "plan.h5"
 
 

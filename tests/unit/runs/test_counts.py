@@ -7,10 +7,10 @@ from ibfctl.machine.controller import BufferStatus
 from ibfctl.runs.counts import COMPLETE, LASTING_POLLS, RUNNING, CountCheck
 
 
-def poll(a: int, b: int, sent: int, code: int = RUNNING, active: int = 1) -> BufferStatus:
+def poll(a: int, b: int, sent: int, code: int = RUNNING, *, active: int = 1, guard_runs: bool = True) -> BufferStatus:
     executed = {"A": a, "B": b}
     free = {letter: 255 - (sent - count - active) for letter, count in executed.items()}
-    return BufferStatus(free, executed, {"A": code, "B": code})
+    return BufferStatus(free, executed, {"A": code, "B": code}, guard_runs=guard_runs)
 
 
 def test_counts_that_agree_pass() -> None:
@@ -61,3 +61,8 @@ def test_complete_is_expected_only_once_the_end_marker_is_sent() -> None:
 def test_an_empty_buffer_has_its_own_hint() -> None:
     with pytest.raises(RunError, match="the buffer ran empty"):
         CountCheck(255)(poll(10, 10, sent=200, code=32), 200, end_sent=False)
+
+
+def test_a_guard_that_has_acted_ends_the_run() -> None:
+    with pytest.raises(RunError, match="the guard on the controller closed the gate"):
+        CountCheck(255)(poll(10, 10, sent=200, guard_runs=False), 200, end_sent=False)

@@ -1,0 +1,133 @@
+"""The guard: a small program on the controller that closes the beam gate when the host no longer can.
+
+It runs in thread 0, where the controller calls its automatic subroutines. While the gate is open it looks at
+every axis' stop code and at the age of the host's last sign of life. When the motion has ended as it should, it
+closes the gate. When anything else has happened, it closes the gate, stops all axes of the job, and ends; so it
+does when a limit, a position error or a lost handle interrupts it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from ibfctl.errors import ControllerError
+from ibfctl_drivers.galil.codec import message_of, parse_integers
+from ibfctl_drivers.galil.link import Link
+
+NAME = "#IBFGRD"
+THREAD_RUNS = "_XQ0"
+THREADS = 8
+BEAT_INTERVAL_S = 0.1
+LOOPS_IN_PATIENCE = 250
+SAMPLES_PER_S = 1024
+STANDING, RUNNING, COMPLETE = 1, 30, 31
+
+
+def guard_lines(letters: Sequence[str], close_command: str, closed_condition: str) -> list[str]:
+    """Return the program's lines.
+
+    Parameters
+    ----------
+    letters
+        Axes of the job.
+    close_command
+        Closes the gate, e.g. ``CB 1``.
+    closed_condition
+        True while the gate is closed, e.g. ``@OUT[1]=0``.
+    """
+    complete = "&".join(f"(_SC{letter}={COMPLETE})" for letter in letters)
+    stopped = [
+        f"JP #IBFSTP,(_SC{letter}<>{STANDING})&(_SC{letter}<>{RUNNING})&(_SC{letter}<>{COMPLETE})"
+        for letter in letters
+    ]
+    return [
+        NAME,
+        "WT gwait",
+        "JP #IBFSTP,gtrip=1",
+        f"JP {NAME},{closed_condition}",
+        f"JP #IBFEND,{complete}",
+        *stopped,
+        "JP #IBFSTP,(TIME-gbeat)>gpat",
+        f"JP {NAME}",
+        "#IBFEND",
+        close_command,
+        f"JP {NAME}",
+        "#IBFSTP",
+        close_command,
+        f"ST {''.join(letters)}",
+        "EN",
+        *(line for label in ("#LIMSWI", "#POSERR", "#TCPERR") for line in (label, close_command, "gtrip=1", "RE")),
+    ]
+
+
+class Guard:
+    """The guard program of one controller.
+
+    Parameters
+    ----------
+    link
+        Handle for questions and signs of life.
+    lines
+        The program, of `guard_lines`.
+    """
+
+    def __init__(self, link: Link, lines: Sequence[str]) -> None:
+        self._link = link
+        self._lines = list(lines)
+        self._next_beat = float("inf")
+
+    def start(self, patience_s: float) -> None:
+        """Load the program unless it is there, read it back, and start it anew.
+
+        Parameters
+        ----------
+        patience_s
+            Age of the last sign of life, in seconds of the controller, at which the host counts as gone.
+
+        Raises
+        ------
+        ControllerError
+            If the controller holds another program, or does not hold or run this one afterwards.
+        """
+        present = self._link.upload()
+        if present != self._lines:
+            if present and NAME not in present:
+                raise ControllerError(
+                    f"the controller holds another program (first line {present[0]!r})",
+                    "save it, clear the controller's program memory, and start again",
+                )
+            self._link.request("HX 0")
+            self._refuse_running_threads()
+            self._link.download(self._lines)
+            if self._link.upload() != self._lines:
+                raise ControllerError("the guard program does not read back as it was loaded")
+        self._link.request("HX 0")
+        self._link.request(f"gpat={round(patience_s * SAMPLES_PER_S)}")
+        self._link.request(f"gwait={max(round(patience_s * 1000 / LOOPS_IN_PATIENCE), 2)}")
+        self._link.request("gtrip=0")
+        self._beat()
+        self._link.request(f"XQ {NAME},0")
+        if self._thread_lines()[0] < 0:
+            raise ControllerError("the guard program does not run", "look at the controller's program errors")
+
+    def beat(self) -> None:
+        """Give a sign of life, now and then; nothing before the first `start`."""
+        if time.monotonic() >= self._next_beat:
+            self._beat()
+
+    def _refuse_running_threads(self) -> None:
+        for thread, line in enumerate(self._thread_lines()):
+            if line >= 0:
+                raise ControllerError(
+                    f"a program runs on the controller (thread {thread}, line {line})",
+                    "halt it before the guard is loaded",
+                )
+
+    def _thread_lines(self) -> list[int]:
+        question = message_of(f"_XQ{thread}" for thread in range(THREADS))
+        return parse_integers(self._link.request(question), THREADS, question)
+
+    def _beat(self) -> None:
+        self._link.request("gbeat=TIME")
+        self._next_beat = time.monotonic() + BEAT_INTERVAL_S
