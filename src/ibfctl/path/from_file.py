@@ -30,7 +30,7 @@ def read_columns(path: Path, names: tuple[str, ...]) -> tuple[FloatArray, ...]:
         If the file cannot be read, a column is missing, or a field is no finite number, with its line.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.reader(file)
             header = [name.strip() for name in next(rows, [])]
             missing = [name for name in names if name not in header]

@@ -96,13 +96,13 @@ def certify(
         checks += [
             Check(f"peak_velocity_mm_s.{letter}", _largest(high, -low) / scale, limits.v_max_mm_s),
             Check(f"peak_acceleration_mm_s2.{letter}", _largest(cubics.peak_acceleration) / scale, limits.a_max_mm_s2),
-            Check(f"reversal_mm_s.{letter}", max(_largest(backwards) / scale, 0.0), 0.0),
+            Check(f"reversal_mm_s.{letter}", float(np.maximum(_largest(backwards) / scale, 0.0)), 0.0),
             Check(f"velocity_of_standing_axis_mm_s.{letter}", _largest(standing) / scale, 0.0),
             Check(f"velocity_at_end_counts_s.{letter}", float(abs(axis.end_velocity_counts_s[-1])), 0.0),
             # A node on the end of the travel may be rounded to the count beyond it.
             Check(f"below_travel_counts.{letter}", (limits.travel_min_mm - float(position_mm.min())) * scale, 0.5),
             Check(f"above_travel_counts.{letter}", (float(position_mm.max()) - limits.travel_max_mm) * scale, 0.5),
-            Check(f"end_point_error_counts.{letter}", round(max(ends) * scale, 6), 0.5),
+            Check(f"end_point_error_counts.{letter}", round(float(np.max(ends)) * scale, 6), 0.5),
             Check(f"largest_increment_counts.{letter}", _largest(np.abs(move)), MAX_INCREMENT_COUNTS),
             Check(
                 f"largest_velocity_counts_s.{letter}",
@@ -119,7 +119,7 @@ def certify(
     checks += [
         Check("excursion_mm", _largest(excursion(planar["x"], planar["y"])), corridor_mm),
         Check("longest_segment_samples", _largest(samples), MAX_SEGMENT_SAMPLES),
-        Check("shortest_segment_below_two_samples", max(2.0 - float(samples.min()), 0.0), 0.0),
+        Check("shortest_segment_below_two_samples", float(np.maximum(2.0 - samples.min(), 0.0)), 0.0),
         Check("odd_segments", float((samples % 2).sum()), 0.0),
         Check("total_time_error_samples", round(time_error_s / program.sample_period_s, 6), 2.0),
     ]
@@ -128,4 +128,5 @@ def certify(
 
 def _largest(*values: NDArray[np.float64] | NDArray[np.int64]) -> float:
     """Largest of all values; zero where there are none; NaN where one is NaN."""
-    return max((float(array.max()) for array in values if array.size), default=0.0)
+    present = [array.max() for array in values if array.size]
+    return float(np.max(present)) if present else 0.0

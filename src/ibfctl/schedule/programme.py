@@ -28,6 +28,8 @@ def solve_programme(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> tup
 
     Without an answer from the solver the axes rest at every node.
     """
+    if not (tasks[0].free.any() or tasks[1].free.any()):
+        return np.zeros(tasks[0].free.size), np.zeros(tasks[1].free.size)
     scales = _node_speed(tasks[0], time_s), _node_speed(tasks[1], time_s)
     widths = [int(task.free.sum()) for task in tasks]
     quadratic, linear, rows, lower, upper = [], [], [], [], []
@@ -103,7 +105,8 @@ def _corridor_rows(
         return []
     length = np.hypot(tasks[0].move_mm[slanted], tasks[1].move_mm[slanted])
     speed = length / time_s[slanted]
-    bound = 4 * corridor_mm * (1 - SOLVER_MARGIN) / time_s[slanted]
+    step = np.hypot(tasks[0].resolution_mm_s, tasks[1].resolution_mm_s)
+    bound = np.maximum(4 * corridor_mm * (1 - SOLVER_MARGIN) / time_s[slanted] - step, 0.0)
     across = -tasks[1].move_mm[slanted] / length, tasks[0].move_mm[slanted] / length
     index = np.arange(slanted.size)
     blocks = []
@@ -125,7 +128,9 @@ def _limit_rows(
     moving = np.flatnonzero(task.free[:-1] | task.free[1:])
     move, h = task.move_mm[moving], time_s[moving]
     mean = move / h
-    limit = task.a_max_mm_s2[moving] * (1 - SOLVER_MARGIN)
+    # Rounding towards zero moves a velocity by up to one step, an acceleration by up to six of them over h.
+    step = task.resolution_mm_s
+    limit = np.maximum(task.a_max_mm_s2 - 6 * step / h, 0.5 * task.a_max_mm_s2) * (1 - SOLVER_MARGIN)
     index = np.arange(moving.size)
 
     def rows(first: FloatArray, second: FloatArray) -> sparse.csr_array:
@@ -134,13 +139,17 @@ def _limit_rows(
         return sparse.csc_array((values, places), shape=(moving.size, scale.size))[:, task.free].tocsr()
 
     pull = 6 * move / h**2 / limit
-    v_max = task.v_max_mm_s * (1 - SOLVER_MARGIN)
+    v_max = max(task.v_max_mm_s - 2 * step, 0.5 * task.v_max_mm_s) * (1 - SOLVER_MARGIN)
     nodes = np.flatnonzero(task.free)
     return [
         (rows(-4 / h / limit, -2 / h / limit), -1 - pull, 1 - pull),
         (rows(2 / h / limit, 4 / h / limit), -1 + pull, 1 + pull),
         # Middle Bernstein coefficient of the velocity over the mean speed: neither reversal nor overspeed.
-        (rows(-1 / mean, -1 / mean), np.full(moving.size, SOLVER_MARGIN - 3), v_max / np.abs(mean) - 3),
+        (
+            rows(-1 / mean, -1 / mean),
+            np.minimum(SOLVER_MARGIN + 2 * step / np.abs(mean), 1.0) - 3,
+            v_max / np.abs(mean) - 3,
+        ),
         (sparse.eye_array(nodes.size, format="csr"), np.zeros(nodes.size), v_max / np.abs(scale[nodes])),
     ]
 

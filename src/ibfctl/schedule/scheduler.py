@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from ibfctl.errors import InputError, LimitsError, SolverError
 from ibfctl.machine.description import Axis, MachineDescription
-from ibfctl.machine.program import MAX_SEGMENT_SAMPLES, AxisProgram, IntArray, PvtProgram, seconds
+from ibfctl.machine.program import (
+    MAX_SEGMENT_SAMPLES,
+    MAX_VELOCITY_COUNTS_S,
+    AxisProgram,
+    IntArray,
+    PvtProgram,
+    seconds,
+)
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.schedule.certificate import Certificate, certify
 from ibfctl.schedule.counting import MAX_SEGMENTS, CountedPath, count_path, even_samples
@@ -19,8 +26,9 @@ from ibfctl.schedule.velocity import solve_velocities
 
 FloatArray = NDArray[np.float64]
 
-# Parts of the way to times that certainly do, tried one after the other where the wanted times break a limit.
-_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.0)
+# Parts of the way to times that certainly do, tried one after the other where the wanted times break a limit; beyond
+# one, the axes rest at every node of a stretch that still does (a corridor finer than a step of the velocities).
+_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 2.0, 2.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -73,15 +81,19 @@ def schedule(
     """
     _check_times(dwell_s, path, machine.sample_period_s)
     asked = needed = even_samples(dwell_s, machine.sample_period_s)
+    at_rest = np.zeros(path.segments, dtype=bool)
     for share in _SHARES:
-        counted = _counted(path, needed, machine)
+        counted = _counted(path, needed, machine, at_rest)
         needed = _per_segment(counted, counted.time_samples, path)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
-        tasks = _tasks(counted, machine, time_s)
-        solution = solve_velocities(tasks, time_s, corridor_mm)
+        tasks = _tasks(counted, machine, at_rest)
+        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=share >= 1)
         if not solution.excess.any():
             break
-        longer = _longer(tasks, counted.time_samples, solution.excess, machine.sample_period_s, share)
+        broken = stretches(tasks, solution.excess > 0)
+        if share > 1:
+            at_rest[counted.source_segment[broken]] = True
+        longer = _longer(tasks, counted.time_samples, broken, machine.sample_period_s, min(share, 1.0))
         needed = _per_segment(counted, longer, path)
     else:
         raise SolverError(
@@ -107,35 +119,35 @@ def shortest_times(path: ToolPath, machine: MachineDescription) -> FloatArray:
 
     Whole numbers of sample pairs, in seconds: rounding the running sum of longer times never falls below them.
     """
-    counted = _counted(path, np.zeros(path.segments, dtype=np.int64), machine)
-    shortest = counted.time_samples
-    tasks = _tasks(counted, machine, seconds(shortest, machine.sample_period_s))
-    sufficient = sufficient_samples(tasks, shortest, machine.sample_period_s)
+    free = np.zeros(path.segments, dtype=bool)
+    counted = _counted(path, np.zeros(path.segments, dtype=np.int64), machine, free)
+    tasks = _tasks(counted, machine, free)
+    sufficient = sufficient_samples(tasks, counted.time_samples, machine.sample_period_s)
     return seconds(_per_segment(counted, sufficient, path), machine.sample_period_s)
 
 
-def shortest_samples(counted: CountedPath, machine: MachineDescription) -> IntArray:
+def _shortest_samples(tasks: Tasks, sample_period_s: float) -> IntArray:
     """Even samples (n,) below which a segment breaks a limit whatever its neighbours do.
 
     From rest to rest a cubic needs time sqrt(6 s/a) and reaches 1.5 times its mean speed; with one end at
     rest sqrt(2 s/a); between moving ends only the speed limit counts.
     """
-    shortest_s = np.zeros(counted.time_samples.size)
-    for letter, axis in machine.axes.items():
-        move_mm = np.abs(np.diff(counted.position_counts[letter])) / axis.counts_per_mm
-        free = free_nodes(np.diff(counted.position_counts[letter]))
-        ends_at_rest = 2 - free[:-1].astype(int) - free[1:].astype(int)
-        speed = np.choose(ends_at_rest, [1.0, 1.0, 1.5]) * move_mm / axis.v_max_mm_s
-        push = np.sqrt(np.choose(ends_at_rest, [0.0, 2.0, 6.0]) * move_mm / axis.a_max_mm_s2)
+    shortest_s = np.zeros(tasks[0].move_mm.size)
+    for task in tasks:
+        move_mm = np.abs(task.move_mm)
+        ends_at_rest = 2 - task.free[:-1].astype(int) - task.free[1:].astype(int)
+        speed = np.choose(ends_at_rest, [1.0, 1.0, 1.5]) * move_mm / task.v_max_mm_s
+        push = np.sqrt(np.choose(ends_at_rest, [0.0, 2.0, 6.0]) * move_mm / task.a_max_mm_s2)
         shortest_s = np.maximum(shortest_s, np.maximum(speed, push))
-    return 2 * np.maximum(np.ceil(0.5 * shortest_s / machine.sample_period_s * (1 + 1e-4)), 1).astype(np.int64)
+    return 2 * np.maximum(np.ceil(0.5 * shortest_s / sample_period_s * (1 + 1e-9)), 1).astype(np.int64)
 
 
-def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription) -> CountedPath:
+def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription, at_rest: NDArray[np.bool_]) -> CountedPath:
     """Count a path whose segments take `samples` (n,), or the shortest time of each piece where that is longer."""
     while True:
         counted = count_path(path, samples, machine)
-        enough = np.maximum(counted.time_samples, shortest_samples(counted, machine))
+        shortest = _shortest_samples(_tasks(counted, machine, at_rest), machine.sample_period_s)
+        enough = np.maximum(counted.time_samples, shortest)
         if enough.max() <= MAX_SEGMENT_SAMPLES:
             return replace(counted, time_samples=enough)
         # Too long for one piece: count again, in more pieces.
@@ -149,9 +161,8 @@ def _per_segment(counted: CountedPath, samples: IntArray, path: ToolPath) -> Int
     return total
 
 
-def _longer(tasks: Tasks, samples: IntArray, excess: FloatArray, sample_period_s: float, share: float) -> IntArray:
-    """Lengthen the stretches that break a limit by `share` of what certainly does; at least what breaks it grows."""
-    segments = stretches(tasks, excess > 0)
+def _longer(tasks: Tasks, samples: IntArray, segments: IntArray, sample_period_s: float, share: float) -> IntArray:
+    """Lengthen the pieces `segments` by `share` of what certainly does."""
     given = samples[segments]
     enough = sufficient_samples((tasks[0][segments], tasks[1][segments]), given, sample_period_s)
     longer = samples.copy()
@@ -159,17 +170,21 @@ def _longer(tasks: Tasks, samples: IntArray, excess: FloatArray, sample_period_s
     return longer
 
 
-def _tasks(counted: CountedPath, machine: MachineDescription, time_s: FloatArray) -> Tasks:
+def _tasks(counted: CountedPath, machine: MachineDescription, at_rest: NDArray[np.bool_]) -> Tasks:
+    """What the axes have to do; they rest at the nodes of the path's segments `at_rest` (n,)."""
+    resting = at_rest[counted.source_segment]
+    moving = np.ones(resting.size + 1, dtype=bool)
+    moving[:-1] &= ~resting
+    moving[1:] &= ~resting
+
     def task(letter: str, axis: Axis) -> AxisTask:
-        step_mm_s = 1 / axis.counts_per_mm
-        # Rounding towards zero moves a velocity by up to a count/s, an acceleration by up to six of them over h.
         move_counts = np.diff(counted.position_counts[letter])
         return AxisTask(
             move_counts / axis.signed_counts_per_mm,
-            axis.v_max_mm_s - 2 * step_mm_s,
-            np.maximum(axis.a_max_mm_s2 - 6 * step_mm_s / time_s, 1e-3 * axis.a_max_mm_s2),
-            step_mm_s,
-            free_nodes(move_counts),
+            min(axis.v_max_mm_s, MAX_VELOCITY_COUNTS_S / axis.counts_per_mm),
+            axis.a_max_mm_s2,
+            1 / axis.counts_per_mm,
+            free_nodes(move_counts) & moving,
         )
 
     x, y = (machine.letter_of(coordinate) for coordinate in ("x", "y"))
@@ -186,7 +201,7 @@ def _program(
         position = counted.position_counts[letter]
         axes[letter] = AxisProgram(
             np.diff(position),
-            np.trunc(velocity_mm_s[1:] * axis.signed_counts_per_mm).astype(np.int64),
+            np.rint(velocity_mm_s[1:] * axis.signed_counts_per_mm).astype(np.int64),
             int(position[0]),
             axis.signed_counts_per_mm,
         )

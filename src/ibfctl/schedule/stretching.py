@@ -25,10 +25,8 @@ _ROOM = 1 - 2 * SOLVER_MARGIN
 
 def sufficient_samples(tasks: Tasks, samples: IntArray, sample_period_s: float) -> IntArray:
     """Even durations (n,), none shorter than `samples`, that certainly admit a schedule along the chords."""
-    moves = np.stack([task.move_mm for task in tasks])
-    length = np.hypot(*moves)
+    length, direction = _chords(tasks)
     moving = length > 0
-    direction = np.divide(moves, length, out=np.zeros_like(moves), where=moving)
     with np.errstate(divide="ignore"):
         a_max = _ROOM * np.min(
             [task.a_max_mm_s2 / np.abs(part) for task, part in zip(tasks, direction, strict=True)], axis=0
@@ -36,18 +34,17 @@ def sufficient_samples(tasks: Tasks, samples: IntArray, sample_period_s: float) 
         v_max = _ROOM * np.min(
             [task.v_max_mm_s / np.abs(part) for task, part in zip(tasks, direction, strict=True)], axis=0
         )
-    along = (direction[:, 1:] * direction[:, :-1]).sum(axis=0)
-    across = direction[0, :-1] * direction[1, 1:] - direction[1, :-1] * direction[0, 1:]
-    straight = (along > 0) & (np.abs(across) < _STRAIGHT)
-    for task in tasks:
-        straight &= task.free[1:-1] | ((task.move_mm[1:] == 0) & (task.move_mm[:-1] == 0))
-    speed = np.zeros(length.size + 1)
+    straight = _straight(tasks, direction)
+    # Speeds are rounded by up to a step at either end, and more along the chord where it is steep for the axis.
+    step = np.max(
+        [task.resolution_mm_s / np.maximum(np.abs(part), 1e-3) for task, part in zip(tasks, direction, strict=True)],
+        axis=0,
+    )
     needed = samples
     for _ in range(_ROUNDS):
-        mean = length / (needed * sample_period_s)
-        speed[1:-1] = np.where(straight, np.minimum(mean[1:], mean[:-1]), 0.0)
+        speed = _node_speeds(length / (needed * sample_period_s), straight)
         slow, fast = np.minimum(speed[1:], speed[:-1]), np.maximum(speed[1:], speed[:-1])
-        push = 4 * slow + 2 * fast
+        push = 4 * slow + 2 * fast - np.where(fast > 0, 6 * step, 0.0)
         with np.errstate(invalid="ignore"):
             enough = 12 * length / (push + np.sqrt(push**2 + 24 * a_max * length))
             enough = np.maximum(enough, 3 * length / (v_max + slow + fast))
@@ -56,3 +53,35 @@ def sufficient_samples(tasks: Tasks, samples: IntArray, sample_period_s: float) 
             break
         needed = np.maximum(needed, wanted)
     return needed
+
+
+def chord_velocities(tasks: Tasks, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Node velocities (n + 1,) of both axes along the chords, the lower of the mean speeds on either side."""
+    length, direction = _chords(tasks)
+    speed = _node_speeds(length / time_s, _straight(tasks, direction))
+    along = np.concatenate([direction, direction[:, -1:]], axis=1)
+    return speed * along[0] * tasks[0].free, speed * along[1] * tasks[1].free
+
+
+def _chords(tasks: Tasks) -> tuple[FloatArray, FloatArray]:
+    """Lengths (n,) and directions (2, n) of the segments; direction zero where nothing moves."""
+    moves = np.stack([task.move_mm for task in tasks])
+    length = np.hypot(*moves)
+    return length, np.divide(moves, length, out=np.zeros_like(moves), where=length > 0)
+
+
+def _straight(tasks: Tasks, direction: FloatArray) -> NDArray[np.bool_]:
+    """Inner nodes (n - 1,) at which the path goes straight on."""
+    along = (direction[:, 1:] * direction[:, :-1]).sum(axis=0)
+    across = direction[0, :-1] * direction[1, 1:] - direction[1, :-1] * direction[0, 1:]
+    straight = (along > 0) & (np.abs(across) < _STRAIGHT)
+    for task in tasks:
+        straight &= task.free[1:-1] | ((task.move_mm[1:] == 0) & (task.move_mm[:-1] == 0))
+    return np.asarray(straight)
+
+
+def _node_speeds(mean_speed: FloatArray, straight: NDArray[np.bool_]) -> FloatArray:
+    """Speeds along the path at the nodes (n + 1,): zero where it turns."""
+    speed = np.zeros(mean_speed.size + 1)
+    speed[1:-1] = np.where(straight, np.minimum(mean_speed[1:], mean_speed[:-1]), 0.0)
+    return speed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,26 +20,28 @@ class AxisTask:
     ----------
     move_mm : (n,) float64
         Moves of the segments.
-    v_max_mm_s : float
-        Speed limit, rounding of the velocities already taken off.
-    a_max_mm_s2 : (n,) float64
-        Acceleration limit of each segment, rounding of the velocities already taken off.
+    v_max_mm_s, a_max_mm_s2 : float
+        Limits.
     resolution_mm_s : float
-        Step to which velocities will be rounded towards zero.
+        Step to which velocities are rounded, towards zero.
     free : (n + 1,) bool
         Nodes at which the axis may move, see `free_nodes`.
     """
 
     move_mm: FloatArray
     v_max_mm_s: float
-    a_max_mm_s2: FloatArray
+    a_max_mm_s2: float
     resolution_mm_s: float
     free: NDArray[np.bool_]
+
+    def rounded(self, velocity_mm_s: FloatArray) -> FloatArray:
+        """Velocities (n + 1,) as the controller will get them."""
+        return np.asarray(np.trunc(velocity_mm_s / self.resolution_mm_s) * self.resolution_mm_s)
 
     def __getitem__(self, segments: NDArray[np.int64]) -> AxisTask:
         """The same axis for some of the segments, whose stretches begin and end at rest."""
         free = self.free[np.concatenate([segments[:1], segments + 1])]
-        return AxisTask(self.move_mm[segments], self.v_max_mm_s, self.a_max_mm_s2[segments], self.resolution_mm_s, free)
+        return replace(self, move_mm=self.move_mm[segments], free=free)
 
 
 Tasks = tuple[AxisTask, AxisTask]
@@ -73,7 +75,7 @@ def stretches(tasks: Tasks, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
 def limit_excess(
     tasks: Tasks, velocities: tuple[FloatArray, FloatArray], time_s: FloatArray, corridor_mm: float
 ) -> FloatArray:
-    """Relative excess of each segment (n,) over its limits, from the cubics themselves."""
+    """Relative excess of each segment (n,) over its limits, from the cubics that the controller will execute."""
     excess = np.zeros(time_s.size)
     cubics = []
     for task, velocity in zip(tasks, velocities, strict=True):
@@ -81,14 +83,10 @@ def limit_excess(
         low, high = segment.velocity_range
         np.maximum(excess, segment.peak_acceleration / task.a_max_mm_s2 - 1, out=excess)
         np.maximum(excess, np.maximum(-low, high) / task.v_max_mm_s - 1, out=excess)
-        # Rounding towards zero keeps the middle Bernstein coefficient's sign, or else a velocity well above zero.
         mean = task.move_mm / time_s
-        middle = 3 * mean - segment.start_velocity - segment.end_velocity
-        slowest = np.where(mean < 0, -high, low)
-        reversing = (mean != 0) & ((slowest < 0) | ((middle * mean < 0) & (slowest < 2 * task.resolution_mm_s)))
-        speed = np.where(mean != 0, np.abs(mean), 1.0)
-        backwards = np.maximum(-slowest, -middle * np.sign(mean)) / speed
-        np.maximum(excess, np.where(reversing, backwards, 0.0), out=excess)
+        backwards = np.where(mean < 0, high, -low) / np.where(mean != 0, np.abs(mean), np.inf)
+        np.maximum(excess, backwards, out=excess)
         cubics.append(segment)
     np.maximum(excess, excursion(*cubics) / corridor_mm - 1, out=excess)
-    return np.where(excess > 1e-9, excess, 0.0)
+    # Rounding of this arithmetic itself; the certificate repeats it in counts.
+    return np.where(excess > 1e-12, excess, 0.0)

@@ -11,6 +11,7 @@ The formulation is a Hermite form of the scheduler of Wang et al. 2023, J. Manuf
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from ibfctl.schedule.programme import acceleration_jumps, solve_programme
+from ibfctl.schedule.stretching import chord_velocities
 from ibfctl.schedule.task import AxisTask, Tasks, limit_excess, stretches
 
 FloatArray = NDArray[np.float64]
@@ -39,8 +41,8 @@ class VelocitySolution:
     excess: FloatArray
 
 
-def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> VelocitySolution:
-    """Choose the node velocities of both axes.
+def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float, *, last_resort: bool) -> VelocitySolution:
+    """Choose the node velocities of both axes, rounded as the controller gets them.
 
     Parameters
     ----------
@@ -50,16 +52,27 @@ def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> Ve
         Duration of each segment.
     corridor_mm
         Largest distance of the path from a segment's chord.
+    last_resort
+        Where the programme's answer breaks a limit, move along the chords: certain in `sufficient_samples`.
     """
-    velocities = (_spline_velocities(tasks[0], time_s), _spline_velocities(tasks[1], time_s))
+    velocities = (
+        tasks[0].rounded(_spline_velocities(tasks[0], time_s)),
+        tasks[1].rounded(_spline_velocities(tasks[1], time_s)),
+    )
     excess = limit_excess(tasks, velocities, time_s, corridor_mm)
-    if excess.any():
+
+    def replace_where_broken(solve: Callable[[Tasks, FloatArray], tuple[FloatArray, FloatArray]]) -> FloatArray:
         # Stretches between stops of both axes do not touch each other: only those that break a limit are solved.
         segments = stretches(tasks, excess > 0)
         part = tasks[0][segments], tasks[1][segments]
-        for whole, solved in zip(velocities, solve_programme(part, time_s[segments], corridor_mm), strict=True):
-            whole[segments + 1] = solved[1:]
-        excess = limit_excess(tasks, velocities, time_s, corridor_mm)
+        for task, whole, solved in zip(tasks, velocities, solve(part, time_s[segments]), strict=True):
+            whole[segments + 1] = task.rounded(solved[1:])
+        return limit_excess(tasks, velocities, time_s, corridor_mm)
+
+    if excess.any():
+        excess = replace_where_broken(lambda part, times: solve_programme(part, times, corridor_mm))
+    if excess.any() and last_resort:
+        excess = replace_where_broken(chord_velocities)
     return VelocitySolution(velocities, excess)
 
 
