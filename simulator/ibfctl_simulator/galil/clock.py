@@ -32,6 +32,10 @@ class ScaledClock:
         """Return the simulated time since the clock was made, in s."""
         return (time.monotonic() - self._start_s) * self.speed
 
+    def slip(self, seconds: float) -> None:
+        """Go back by `seconds` of simulated time that nobody could keep up with."""
+        self._start_s += seconds / self.speed
+
 
 class SteppedClock:
     """Stands still until it is stepped, so that a run is the same every time."""

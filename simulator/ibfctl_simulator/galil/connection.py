@@ -14,7 +14,9 @@ from ibfctl_simulator.galil.faults import ReplyFaults
 from ibfctl_simulator.galil.framing import Framing
 from ibfctl_simulator.galil.handles import Handle
 from ibfctl_simulator.galil.interpreter import BAD, GOOD, Pending
-from ibfctl_simulator.galil.programs.memory import LONGEST_LINE, Program
+from ibfctl_simulator.galil.programs.memory import LONGEST_LINE, MOST_LINES, Program
+
+MOST_UNREAD_BYTES = 1 << 20
 
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
@@ -61,7 +63,7 @@ class Connection(asyncio.Protocol):
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         address, port = transport.get_extra_info("peername")[:2]
         if not self._host.off:
-            self._handle = self._host.controller.handles.open(address, port, self.send, self.reset)
+            self._handle = self._host.controller.handles.open(address, port, self.send, self.close, self.reset)
         if self._handle is None:
             self.reset()
 
@@ -72,6 +74,8 @@ class Connection(asyncio.Protocol):
         self._host.catch_up()
         self._framing.push(data)
         self.proceed()
+        if self._pending is not None and self._transport is not None:
+            self._transport.pause_reading()
 
     def proceed(self) -> None:
         """Carry out commands until there are none or one has to wait; replies go out in one piece."""
@@ -99,9 +103,18 @@ class Connection(asyncio.Protocol):
             controller.lost(self._handle.letter)
 
     def send(self, data: bytes) -> None:
-        """Send bytes unless the connection is gone."""
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(data)
+        """Send bytes unless the connection is gone; a client that never reads is dropped."""
+        if self._transport is None or self._transport.is_closing():
+            return
+        self._transport.write(data)
+        if self._transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
+            self.reset()
+
+    def close(self) -> None:
+        """Close the connection in good order once everything is sent."""
+        if self._transport is not None:
+            self._closed_by_us = True
+            self._transport.close()
 
     def reset(self) -> None:
         """Close the connection with a TCP reset."""
@@ -118,6 +131,8 @@ class Connection(asyncio.Protocol):
             if not self._pending.wait.done():
                 raise LookupError
             self._pending = None
+            if self._transport is not None:
+                self._transport.resume_reading()
             return GOOD
         if self._program is not None:
             return self._next_program_line(self._program)
@@ -143,10 +158,10 @@ class Connection(asyncio.Protocol):
         """Collect a line of a program; the backslash has a prompt of its own besides that of `DL`."""
         line, ended = self._framing.next_program_line()
         engine = self._host.controller.engine
-        if line or not ended:
+        if (line or not ended) and not self._program_refused:
             lines.append(line)
         try:
-            if len(line) > LONGEST_LINE:
+            if len(line) > LONGEST_LINE or len(lines) > MOST_LINES:
                 raise CommandError(DOWNLOAD)
             if ended and not self._program_refused:
                 engine.load(Program(lines))

@@ -53,7 +53,11 @@ class Framing:
             return line, True
         taken = self._take_line()
         if taken is None:
-            raise LookupError
+            rest = self._buffer[self._start :]
+            if len(rest) <= self._limit:
+                raise LookupError
+            # Longer than any line already: hand it out, so that nobody can fill the memory with it.
+            taken, self._buffer, self._start = rest, "", 0
         return taken, False
 
     def _take_line(self) -> str | None:

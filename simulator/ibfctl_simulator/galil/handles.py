@@ -11,12 +11,13 @@ SERIAL = "S"
 
 @dataclass(frozen=True)
 class Handle:
-    """One open connection: its letter, the client's address, how to send to it and how to reset it."""
+    """One open connection: its letter, the client's address, and how to send to it, close and reset it."""
 
     letter: str
     address: str
     port: int
     send: Callable[[bytes], None]
+    close: Callable[[], None]
     reset: Callable[[], None]
 
 
@@ -41,12 +42,17 @@ class Handles:
         self.marked = False
 
     def open(
-        self, address: str, port: int, send: Callable[[bytes], None], reset: Callable[[], None]
+        self,
+        address: str,
+        port: int,
+        send: Callable[[bytes], None],
+        close: Callable[[], None],
+        reset: Callable[[], None],
     ) -> Handle | None:
         """Give the first free handle to a client; None if all are in use."""
         for letter in LETTERS:
             if letter not in self._open:
-                self._open[letter] = Handle(letter, address, port, send, reset)
+                self._open[letter] = Handle(letter, address, port, send, close, reset)
                 return self._open[letter]
         return None
 

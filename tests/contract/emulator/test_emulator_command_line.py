@@ -84,3 +84,62 @@ def test_bad_options_exit_with_2_and_no_traceback(options):
 def _answer(client: socket.socket, command: bytes) -> bytes:
     client.sendall(command)
     return client.recv(4096)
+
+
+def test_the_model_the_settings_and_the_program_are_chosen_at_start(tmp_path):
+    settings = tmp_path / "controller.toml"
+    settings.write_text('axes = 8\nmotor_on_at_start = true\n[servo]\nkind = "lag"\n[switches]\nforward = 5000\n')
+    program = tmp_path / "guard.dmc"
+    program.write_text("#AUTO;SB 7;started=1\nEN\n")
+    options = ["--settings", str(settings), "--program", str(program), "--model", "41x3", "--axes", "3"]
+    with running(*options) as (_, port), socket.create_connection(("127.0.0.1", port), timeout=5) as client:
+        assert _answer(client, b"\x12\x16\r").startswith(b"DMC4133 ")
+        while _answer(client, b"MG started\r") == b"?":
+            pass
+        assert _answer(client, b"MG _MOA,@OUT[7]\r") == b" 0.0000 1.0000\r\n:"
+
+
+def test_the_back_door_takes_lines_and_steps_time():
+    with running("--clock", "stepped", "--control-port", "0", "--fault", "delay seconds=0.01") as (process, port):
+        words = process.stdout.readline().split()
+        assert words[:2] == ["control", "on"]
+        back_port = int(words[2].rpartition(":")[2])
+        with (
+            socket.create_connection(("127.0.0.1", back_port), timeout=5) as door,
+            socket.create_connection(("127.0.0.1", port), timeout=5) as client,
+        ):
+            assert _answer(door, b"step samples=500\n") == b"ok\n"
+            assert _answer(door, b"nonsense\n").startswith(b"error: unknown command")
+            assert _answer(client, b"MG TIME\r") == b" 500.0000\r\n:"
+
+
+@pytest.mark.parametrize(
+    ("option", "content", "reason"),
+    [
+        ("--settings", "colour = 1", "colour: unknown key"),
+        ("--settings", "axes = true", "axes: True is not"),
+        ("--settings", "axes = 9", "not between 1 and 8"),
+        ("--settings", "servo = 1", "servo: a table is needed"),
+        ("--settings", '[servo]\nkind = "magic"', "servo.kind: 'magic'"),
+        ("--settings", "axes = ", "Invalid value"),
+        ("--program", "#A\n#A\n", "61 Duplicate label"),
+        ("--settings", None, "No such file"),
+        ("--program", None, "No such file"),
+    ],
+)
+def test_bad_files_are_one_line_and_exit_code_2(tmp_path, option, content, reason):
+    path = tmp_path / "file"
+    if content is not None:
+        path.write_text(content)
+    command = [*COMMAND, "--port", "0", option, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert reason in done.stderr
+
+
+def test_a_bad_fault_or_control_port_ends_it():
+    with running() as (_, port):
+        for options in (["--fault", "nonsense"], ["--control-port", str(port)]):
+            command = [*COMMAND, "--port", "0", *options]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+            assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 
@@ -9,6 +10,7 @@ import pytest
 from ibfctl_simulator.galil.clock import ScaledClock
 from ibfctl_simulator.galil.controller import Controller
 from ibfctl_simulator.galil.inprocess import EmulatorServer
+from ibfctl_simulator.galil.settings import Settings
 
 
 @pytest.mark.parametrize(
@@ -124,3 +126,40 @@ def test_scaled_time_runs_at_its_speed():
             client.sendall(b"MG TIME\r")
             samples = float(client.recv(100).split()[0])
         assert samples < 1024 * 1000
+
+
+def test_a_handle_can_be_closed_in_good_order(connect):
+    asking, other = connect(), connect()
+    assert other.ask("WH\r") == "IHB\r\n:"
+    assert asking.ask("IHB=>-2\r") == ":"
+    assert other.socket.recv(1) == b""
+    assert asking.ask("MG _IHA2,_IHC2\r") == " 2.0000 0.0000\r\n:"
+
+
+def test_a_client_that_never_reads_is_dropped(server, connect):
+    deaf, other = connect(), connect()
+    deaf.ask("WH\r")
+    deaf.socket.setblocking(False)
+    lines = b"MG 1,2,3,4,5,6,7,8,9\r" * 1000
+    with contextlib.suppress(ConnectionError):
+        while "IHA TCP" in other.ask("TH\r"):
+            with contextlib.suppress(BlockingIOError):
+                deaf.socket.send(lines)
+    assert other.ask("MG 1\r") == " 1.0000\r\n:"
+
+
+def test_a_download_without_end_fills_no_memory(server, client):
+    client.ask("DL\r" + "x" * 1000, 1)
+    client.socket.sendall(b"y" * 100_000 + b"NO\r" * 5000 + b"\\TC\r")
+    assert client.read(2) == ":60\r\n:"
+
+
+def test_a_clock_that_is_too_fast_slips_and_clients_still_get_answers():
+    with (
+        EmulatorServer(Controller(Settings(motor_on_at_start=True)), ScaledClock(1e9)) as server,
+        socket.create_connection(("127.0.0.1", server.port), timeout=5) as client,
+    ):
+        client.sendall(b"JGA=1000;BGA\r")
+        assert client.recv(10) == b"::"
+        client.sendall(b"MG _BGA\r")
+        assert client.recv(100) == b" 1.0000\r\n:"

@@ -27,7 +27,7 @@ def run(console):
 def heard(console):
     """Text that nobody asked for, as the client on handle A gets it."""
     pieces = []
-    console.controller.handles.open("127.0.0.1", 1, pieces.append, lambda: None)
+    console.controller.handles.open("127.0.0.1", 1, pieces.append, lambda: None, lambda: None)
     console.good("CFA")
     return pieces
 

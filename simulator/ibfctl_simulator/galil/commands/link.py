@@ -9,6 +9,8 @@ from ibfctl_simulator.galil.commands.request import Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
 from ibfctl_simulator.galil.handles import LETTERS, Handle
 
+TCP_CLOSE, TCP_RESET = "2", "3"
+
 _CLOSE = re.compile(r"([A-HST])\s*=\s*>\s*-([123])")
 
 
@@ -31,12 +33,15 @@ def tell_handles(request: Request) -> str:
 
 
 def close_handles(request: Request) -> None:
-    """`IHA=>-2`, `IHS=>-3`, `IHT=>-3`: close a handle, the own one, all others."""
+    """`IHA=>-2`, `IHS=>-3`, `IHT=>-3`: close (-2) or reset (-3) a handle, the own one, all others."""
     match = _CLOSE.fullmatch(request.text.strip())
     if match is None:
         raise CommandError(errors.OPERAND)
     for handle in _chosen(request, match[1]):
-        handle.reset()
+        if match[2] == TCP_RESET:
+            handle.reset()
+        elif match[2] == TCP_CLOSE:
+            handle.close()
 
 
 def _chosen(request: Request, which: str) -> list[Handle]:
