@@ -66,11 +66,14 @@ def cubic_weights(fraction: FloatArray) -> FloatArray:
 
 
 def grid_around(grid: Grid, x_mm: FloatArray, y_mm: FloatArray) -> Grid:
-    """Return the grid in line with `grid` that holds all positions and their 4 x 4 neighbourhoods."""
-    column0 = int(np.floor((x_mm.min() - grid.x0_mm) / grid.pixel_mm)) - 1
-    row0 = int(np.floor((y_mm.min() - grid.y0_mm) / grid.pixel_mm)) - 1
-    column1 = int(np.floor((x_mm.max() - grid.x0_mm) / grid.pixel_mm)) + 2
-    row1 = int(np.floor((y_mm.max() - grid.y0_mm) / grid.pixel_mm)) + 2
+    """Return the grid in line with `grid` that holds all positions and their 4 x 4 neighbourhoods.
+
+    One pixel more on every side: a position on a pixel's centre may fall to either neighbour by rounding.
+    """
+    column0 = int(np.floor((x_mm.min() - grid.x0_mm) / grid.pixel_mm)) - 2
+    row0 = int(np.floor((y_mm.min() - grid.y0_mm) / grid.pixel_mm)) - 2
+    column1 = int(np.floor((x_mm.max() - grid.x0_mm) / grid.pixel_mm)) + 3
+    row1 = int(np.floor((y_mm.max() - grid.y0_mm) / grid.pixel_mm)) + 3
     return Grid(
         row1 - row0 + 1,
         column1 - column0 + 1,

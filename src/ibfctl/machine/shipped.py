@@ -16,6 +16,4 @@ def shipped_machine(name: str) -> Path:
         path = folder / f"{name}.toml"
         if path.is_file():
             return path
-    raise InputError(
-        f"machine {name}: does not come with this installation", "give the path of a machine file"
-    )
+    raise InputError(f"machine {name}: does not come with this installation", "give the path of a machine file")

@@ -19,7 +19,9 @@ from ibfctl.path.tool_path import ToolPath
 
 FloatArray = NDArray[np.float64]
 
-MAX_SEGMENTS = 8_000_000
+MAX_SEGMENTS = 2_000_000
+# Halves go up, and so do what rounding has brought just below them.
+_TIE = 0.5 + 1e-6
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,9 @@ class CountedPath:
 def even_samples(time_s: FloatArray, sample_period_s: float) -> IntArray:
     """Round durations (n,) to even samples, zero allowed, so that the running sum never drifts by more than one sample.
 
-    Halves go up always: a duration that is a whole number of sample pairs keeps them wherever it starts.
+    Halves always go up: a duration that is a whole number of sample pairs keeps them wherever it starts.
     """
-    pairs = np.floor(np.cumsum(time_s) / (2 * sample_period_s) + 0.5).astype(np.int64)
+    pairs = np.floor(np.cumsum(time_s) / (2 * sample_period_s) + _TIE).astype(np.int64)
     return np.asarray(2 * np.diff(pairs, prepend=0))
 
 

@@ -1,0 +1,115 @@
+"""Motion in the loop: dwell times corrected for the cubics that the controller really executes.
+
+Times that are best for dwell points are not best for the motion between them. Each round takes the removal operator
+of the present program, corrects the times on it, schedules anew, and searches along the line from the old times to
+the new ones for the smallest residual as executed. What a round finds is kept only if it is better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.dwell.motion import executed_operator, executed_removal
+from ibfctl.dwell.solver import Cancelled, Descent, Regularisation
+from ibfctl.planning.job import PlanningJob
+from ibfctl.planning.plan import Round
+from ibfctl.schedule.scheduler import PvtSchedule, schedule
+
+FloatArray = NDArray[np.float64]
+
+MAX_ROUNDS = 6
+ITERATIONS = 120
+LINE_SEARCH = (1.0, 0.5, 0.25)
+# A round that gains less than this share of the residual is the last.
+WORTHWHILE = 0.01
+# A round may not cost more time than this share.
+TIME_SLACK = 0.002
+
+
+@dataclass(frozen=True)
+class Executed:
+    """A certified program and what it leaves.
+
+    Attributes
+    ----------
+    asked_s : (n,) float64
+        Dwell times asked of the scheduler.
+    scheduled
+        The program with its certificate.
+    removal_nm : (ny, nx) float64
+        Removal along its cubics.
+    rms_nm
+        RMS of the executed residual.
+    """
+
+    asked_s: FloatArray
+    scheduled: PvtSchedule
+    removal_nm: FloatArray
+    rms_nm: float
+
+
+def execute(job: PlanningJob, dwell_s: FloatArray) -> Executed:
+    """Schedule dwell times (n,) and predict what the executed cubics leave."""
+    scheduled = schedule(job.path, dwell_s, job.machine, job.corridor_mm, stretch=True)
+    removal_nm = executed_removal(scheduled.program, job.grid, job.influence)
+    return Executed(dwell_s, scheduled, removal_nm, job.rms_nm(removal_nm))
+
+
+def refine(
+    job: PlanningJob, plain: Executed, price_nm2_s: float, regularisation: Regularisation, cancelled: Cancelled
+) -> tuple[Executed, tuple[Round, ...]]:
+    """Correct the times of a plain plan for its executed motion, until that no longer pays.
+
+    Parameters
+    ----------
+    plain
+        The plain chain's program.
+    price_nm2_s
+        Price on time at which the plain times were solved.
+
+    Returns
+    -------
+    best, rounds
+        Never worse than `plain`.
+    """
+    best = plain
+    rounds = [_round(plain, accepted=True)]
+    longest_s = (1 + TIME_SLACK) * plain.scheduled.program.total_time_s
+    for _ in range(MAX_ROUNDS):
+        wanted_s = _corrected(job, best, price_nm2_s, regularisation, cancelled)
+        found = best
+        for share in LINE_SEARCH:
+            tried = execute(job, best.asked_s + share * (wanted_s - best.asked_s))
+            if tried.rms_nm < found.rms_nm and tried.scheduled.program.total_time_s <= longest_s:
+                found = tried
+                break
+        gain = 1 - found.rms_nm / best.rms_nm if best.rms_nm > 0 else 0.0
+        best = found
+        rounds.append(_round(best, accepted=gain > 0))
+        if gain < WORTHWHILE:
+            break
+    return best, tuple(rounds)
+
+
+def _corrected(
+    job: PlanningJob, present: Executed, price_nm2_s: float, regularisation: Regularisation, cancelled: Cancelled
+) -> FloatArray:
+    """Times (n,) that are best on the removal operator of the present program."""
+    scheduled = present.scheduled
+    operator = executed_operator(
+        scheduled.program, scheduled.source_segment, job.path.segments, job.misfit.grid, job.misfit.influence
+    )
+    # Where the limits asked for more time than wanted, less is no use.
+    given_s = scheduled.segment_time_s
+    stretched = given_s > present.asked_s + 3 * job.machine.sample_period_s
+    problem = job.problem(operator, np.where(stretched, given_s, job.lower_s))
+    descent = Descent(problem, regularisation, given_s, cancelled)
+    descent.advance(price_nm2_s, ITERATIONS, 1e-6)
+    return descent.time_s
+
+
+def _round(executed: Executed, *, accepted: bool) -> Round:
+    return Round(executed.rms_nm, executed.scheduled.program.total_time_s, accepted)
