@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cubics import assert_executed_with_the_gate_open
 from support.programs import connected, machine, program
 
 from ibfctl.errors import AbortedError, ControllerError, RunError
 from ibfctl.machine.controller import MotionController
 from ibfctl.machine.description import MachineDescription
-from ibfctl.machine.program import PvtProgram
 from ibfctl.runs.drivers import connect
 from ibfctl.runs.emulator import EmulatedController, emulated_controller
 from ibfctl.runs.streamer import execute
@@ -45,23 +45,6 @@ def controller(bench: MachineDescription) -> Iterator[MotionController]:
     connected.close()
 
 
-def cubic_counts(job: PvtProgram, letter: str) -> np.ndarray:
-    """Position at the end of every sample, from the definition of the cubic."""
-    axis = job.axes[letter]
-    position, velocity = float(axis.start_counts), 0.0
-    values = []
-    for move, end_velocity, samples in zip(
-        axis.increment_counts, axis.end_velocity_counts_s, job.time_samples, strict=True
-    ):
-        duration = samples * job.sample_period_s
-        tau = np.arange(1, samples + 1) * job.sample_period_s
-        quadratic = 3 * move / duration**2 - (2 * velocity + end_velocity) / duration
-        cubic = (velocity + end_velocity) / duration**2 - 2 * move / duration**3
-        values.append(position + velocity * tau + quadratic * tau**2 + cubic * tau**3)
-        position, velocity = position + move, float(end_velocity)
-    return np.concatenate(values)
-
-
 @pytest.mark.parametrize("segments", [1, 2, 254, 255, 256, 700])
 def test_a_program_is_executed_to_the_last_count(
     segments: int, bench: MachineDescription, controller: MotionController
@@ -81,20 +64,7 @@ def test_the_trace_shows_the_cubics_with_the_gate_open(trace_file: Path) -> None
         bench = emulated.in_place_of(machine())
         with connected(bench) as controller:
             execute(job, bench, controller, time_scale=SPEED)
-    trace = read_emulator_trace(trace_file, bench)
-    exposed = np.flatnonzero(trace.gate_open)
-    first, last = exposed[0], exposed[-1]
-    assert np.all(trace.gate_open[first:last])
-    assert np.all(np.diff(trace.sample[first:last]) == 1)
-    analytic = {letter: cubic_counts(job, letter) for letter in "AB"}
-    seen = {letter: trace.position_counts[letter][first:last] for letter in "AB"}
-    standing = int(np.flatnonzero(seen["A"] != seen["A"][0])[0])
-    begins = standing - int(np.flatnonzero(np.rint(analytic["A"]) != seen["A"][0])[0])
-    for letter in "AB":
-        moved = seen[letter][begins : begins + len(analytic[letter])]
-        assert np.max(np.abs(moved - analytic[letter])) <= 0.5 + 1e-6
-        assert np.all(seen[letter][: max(begins, 0)] == job.axes[letter].start_counts)
-        assert np.all(seen[letter][begins + len(analytic[letter]) :] == job.axes[letter].end_counts)
+    assert_executed_with_the_gate_open(job, read_emulator_trace(trace_file, bench))
 
 
 def test_an_abort_closes_the_gate_and_stops_at_once(
