@@ -133,6 +133,12 @@ def test_unknown_verbs_and_options(refused: Refused) -> None:
     assert "--shiny" in refused(["plan", "--shiny"], BAD_INPUT)
 
 
+def test_two_aims_at_once(small_job: SmallJob, refused: Refused) -> None:
+    said = refused(_plan(small_job, "--max-time", "9", "--max-residual", "1"), BAD_INPUT)
+    assert "exclude each other" in said
+    assert "at least" in refused(_plan(small_job, "--max-time", "0.1"), LIMITS)
+
+
 def test_a_port_in_use(small_job: SmallJob, refused: Refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

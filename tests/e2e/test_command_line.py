@@ -92,6 +92,19 @@ def test_timed_nodes_are_scheduled_and_simulated_without_a_map(
     assert figures["segments_executed"] == 4
 
 
+def test_a_maze_and_a_limit_on_time_may_be_asked_for(
+    small_job: SmallJob, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = small_job.folder / "plan.h5"
+    free = _json(capsys, small_job.plan_arguments(path, "--path", "maze", "--seed", "3"))
+    assert free["certificate"]["passed"] is True
+    share = 0.9 * free["total_time_s"]
+    bound = _json(capsys, small_job.plan_arguments(path, "--path", "maze", "--seed", "3", "--max-time", str(share)))
+    assert bound["total_time_s"] < free["total_time_s"]
+    plain = _json(capsys, small_job.plan_arguments(path, "--no-loop"))
+    assert plain["rounds"] == []
+
+
 @pytest.mark.parametrize("form", ["csv", "pvt.csv", "pvt.dmc"])
 def test_export_writes_beside_the_plan(small_plan: Path, form: str) -> None:
     assert run(["export", str(small_plan), "--format", form]) == 0

@@ -88,7 +88,7 @@ def test_every_option_is_in_the_page_of_the_command_line() -> None:
         assert f"## {verb}\n" in page
         command = cli.get_command(None, verb)
         for parameter in command.params:
-            for option in parameter.opts:
+            for option in (*parameter.opts, *parameter.secondary_opts):
                 assert not option.startswith("--") or f"`{option}" in page, f"{verb} {option}"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import click
 
@@ -15,7 +15,8 @@ from ibfctl.cli.words import plan_lines
 if TYPE_CHECKING:
     from ibfctl.surface.map import Rectangle
 
-_RASTER: Final = "raster"
+_MADE_PATHS = ("raster", "maze")
+_POSITIVE = click.FloatRange(min=0, min_open=True)
 
 
 @click.command(name="plan")
@@ -24,11 +25,12 @@ _RASTER: Final = "raster"
 @machine_option(required=True)
 @click.option(
     "--path",
-    default=_RASTER,
+    default="raster",
     show_default=True,
-    metavar="raster|NODES.csv",
-    help="Raster, or nodes: x_mm,y_mm.",
+    metavar="raster|maze|NODES.csv",
+    help="Raster, random maze, or nodes: x_mm,y_mm.",
 )
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of a maze.")
 @click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm.")
 @click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm.")
 @click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
@@ -47,6 +49,9 @@ _RASTER: Final = "raster"
 )
 @click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own.")
 @click.option("--corridor-mm", type=float, help="How far the path may leave its segment, mm; default: 5 % of pitch.")
+@click.option("--max-time", type=_POSITIVE, help="Longest run time, s: the best residual within it.")
+@click.option("--max-residual", type=_POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
+@click.option("--loop/--no-loop", default=True, show_default=True, help="Correct dwell times for the motion executed.")
 @click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it.")
 @click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file does not say it.")
 @click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z.")
@@ -59,6 +64,7 @@ def command(
     influence: str,
     machine: Path,
     path: str,
+    seed: int,
     pitch_mm: float,
     step_mm: float,
     scan_axis: str,
@@ -66,6 +72,9 @@ def command(
     remove: str,
     dwell_min_s: float | None,
     corridor_mm: float | None,
+    max_time: float | None,
+    max_residual: float | None,
+    loop: bool,
     map_pixel_mm: float | None,
     map_unit: str | None,
     map_array: str | None,
@@ -79,12 +88,15 @@ def command(
     MAP is a surface (.npz, .mat, .csv, .xyz); TIF is the tool influence function: such a file, or
     gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..
     """
+    if max_time is not None and max_residual is not None:
+        raise click.UsageError("--max-time and --max-residual exclude each other.")
     check_writable(output)
     from ibfctl.jobs.plan_files import InfluenceFile, MapFile, plan_files
-    from ibfctl.planning.options import PlanOptions, Removed
+    from ibfctl.planning.options import Aim, PlanOptions, Removed
 
     options = PlanOptions(
-        path=Path(path) if path != _RASTER else _RASTER,
+        path=cast('Literal["raster", "maze"]', path) if path in _MADE_PATHS else Path(path),
+        seed=seed,
         pitch_mm=pitch_mm,
         step_mm=step_mm,
         scan_axis=cast('Literal["x", "y"]', scan_axis),
@@ -92,6 +104,8 @@ def command(
         remove=cast(Removed, remove),
         dwell_min_s=dwell_min_s,
         corridor_mm=corridor_mm,
+        loop=loop,
+        aim=Aim(max_time_s=max_time, max_residual_nm=max_residual),
     )
     with progress() as report:
         plan = plan_files(

@@ -21,7 +21,7 @@ from ibfctl.errors import IbfctlError
 from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
 from ibfctl.jobs.rehearsal import record
 from ibfctl.planning.file import read_plan
-from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.options import Aim, PlanOptions
 from ibfctl.runs.outcome import RunOutcome
 from ibfctl.surface.map import Rectangle
 from ibfctl.surface.readers import read_influence, read_map
@@ -69,6 +69,7 @@ def plan(arguments: Arguments) -> Arguments:
     options = dict(arguments["options"])
     if options.get("clear_aperture") is not None:
         options["clear_aperture"] = Rectangle(*options["clear_aperture"])
+    options["aim"] = Aim(**options["aim"])
     made = plan_files(
         MapFile(**arguments["map"]),
         InfluenceFile(**arguments["influence"]),
@@ -85,7 +86,9 @@ def record_run(arguments: Arguments) -> Arguments:
     """Find what a finished run removed, and write the run file; return its figures."""
     path = Path(arguments["plan"])
     outcome = RunOutcome(**arguments["outcome"])
-    return record(read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])).summary()
+    return record(
+        read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])
+    ).summary()
 
 
 TASKS: dict[str, Callable[[Arguments], Arguments]] = {

@@ -14,11 +14,18 @@ from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection, Record
 
 Format = Literal["npz", "mat", "csv", "xyz"]
-TOO_LARGE: dict[int | str, dict[str, Any]] = {413: {"description": "The body is larger than the service accepts."}}
+TOO_LARGE: dict[int | str, dict[str, Any]] = {
+    413: {"description": "The body is larger than the service accepts."}
+}
 
 
 async def store_upload(
-    request: Request, settings: Settings, collection: Collection, form: Format, task: str, given: dict[str, Any]
+    request: Request,
+    settings: Settings,
+    collection: Collection,
+    form: Format,
+    task: str,
+    given: dict[str, Any],
 ) -> Record:
     """Store the body of a request, have it read, and return the record of the new resource.
 
@@ -41,9 +48,12 @@ async def store_upload(
                     )
                 digest.update(chunk)
                 stream.write(chunk)
-        figures = await inspect(task, {**given, ("path" if task == "inspect-map" else "spec"): str(path)}, path.name)
+        figures = await inspect(
+            task, {**given, ("path" if task == "inspect-map" else "spec"): str(path)}, path.name
+        )
         return collection.write(
-            identity, {"format": form, "bytes": size, "sha256": digest.hexdigest(), "given": given, "figures": figures}
+            identity,
+            {"format": form, "bytes": size, "sha256": digest.hexdigest(), "given": given, "figures": figures},
         )
     except BaseException:
         shutil.rmtree(collection.path(identity, ""))

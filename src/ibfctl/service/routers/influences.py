@@ -21,15 +21,21 @@ async def add_influence(
     formula: Annotated[
         str | None, Query(description="Instead of a body: gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..")
     ] = None,
-    pixel_mm: Annotated[float | None, Query(description="Pixel size, mm, where the file does not say it.")] = None,
+    pixel_mm: Annotated[
+        float | None, Query(description="Pixel size, mm, where the file does not say it.")
+    ] = None,
     unit: Annotated[str | None, Query(description="Unit of rates where the file does not say it.")] = None,
 ) -> dict[str, Any]:
     """Upload an influence function as the raw body, or give a formula; answers its id and figures."""
     given = {"pixel_mm": pixel_mm, "unit": unit}
     if format is not None and formula is None:
-        return await store_upload(request, service.settings, service.influences, format, "inspect-influence", given)
+        return await store_upload(
+            request, service.settings, service.influences, format, "inspect-influence", given
+        )
     if formula is None or format is not None or not formula.startswith("gaussian:"):
-        raise ServiceError(422, "needs either format and a body, or a formula", "formula=gaussian:fwhm_mm=..,..")
+        raise ServiceError(
+            422, "needs either format and a body, or a formula", "formula=gaussian:fwhm_mm=..,.."
+        )
     figures = await inspect("inspect-influence", {**given, "spec": formula}, formula)
     identity = service.influences.create()
     return service.influences.write(identity, {"formula": formula, "given": given, "figures": figures})

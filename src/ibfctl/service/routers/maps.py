@@ -17,9 +17,13 @@ async def add_map(
     request: Request,
     service: Service,
     format: Annotated[Format, Query(description="Kind of file in the body.")],
-    pixel_mm: Annotated[float | None, Query(description="Pixel size, mm, where the file does not say it.")] = None,
+    pixel_mm: Annotated[
+        float | None, Query(description="Pixel size, mm, where the file does not say it.")
+    ] = None,
     unit: Annotated[str | None, Query(description="Unit of heights where the file does not say it.")] = None,
-    array: Annotated[str | None, Query(description="Array of a .mat file; default Z_to_remove, else Z.")] = None,
+    array: Annotated[
+        str | None, Query(description="Array of a .mat file; default Z_to_remove, else Z.")
+    ] = None,
 ) -> dict[str, Any]:
     """Upload a map as the raw body; answers its id and figures."""
     given = {"pixel_mm": pixel_mm, "unit": unit, "array": array}

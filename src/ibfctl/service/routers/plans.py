@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.problems import ServiceError, problem
@@ -25,29 +25,55 @@ class PlanRequest(BaseModel):
 
     map_id: str
     influence_id: str
+    path: Literal["raster", "maze"] = "raster"
+    seed: int = 0
     pitch_mm: Positive = 0.5
     step_mm: Positive = 0.5
     scan_axis: Literal["x", "y"] = "x"
     clear_aperture_mm: Annotated[
-        tuple[Finite, Finite, Finite, Finite] | None, Field(description="x0, x1, y0, y1; default: the whole map.")
+        tuple[Finite, Finite, Finite, Finite] | None,
+        Field(description="x0, x1, y0, y1; default: the whole map."),
     ] = None
     remove: Literal["none", "piston", "tilt"] = "tilt"
     dwell_min_s: Positive | None = None
     corridor_mm: Positive | None = None
+    loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
+    max_time_s: Annotated[Positive | None, Field(description="The best residual within this run time.")] = (
+        None
+    )
+    max_residual_nm: Annotated[
+        Positive | None, Field(description="The shortest run to this residual, RMS.")
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_aim(self) -> Self:
+        if self.max_time_s is not None and self.max_residual_nm is not None:
+            raise ValueError("max_time_s and max_residual_nm exclude each other")
+        return self
 
 
 @router.post("", status_code=202)
 async def start_plan(request: PlanRequest, response: Response, service: Service) -> dict[str, Any]:
     """Start planning for the machine of the service; `Location` is where progress and result appear."""
     surface, influence = service.maps.read(request.map_id), service.influences.read(request.influence_id)
-    options = request.model_dump(exclude={"map_id", "influence_id", "clear_aperture_mm"})
+    aim = {"max_time_s", "max_residual_nm"}
+    options = request.model_dump(exclude={"map_id", "influence_id", "clear_aperture_mm", *aim})
     identity = service.plans.create()
-    tool = influence.get("formula") or str(service.influences.path(influence["id"], f"upload.{influence['format']}"))
+    tool = influence.get("formula") or str(
+        service.influences.path(influence["id"], f"upload.{influence['format']}")
+    )
     arguments = {
-        "map": {"path": str(service.maps.path(surface["id"], f"upload.{surface['format']}")), **surface["given"]},
+        "map": {
+            "path": str(service.maps.path(surface["id"], f"upload.{surface['format']}")),
+            **surface["given"],
+        },
         "influence": {"spec": tool, **influence["given"]},
         "machine": str(service.settings.machine),
-        "options": {**options, "clear_aperture": request.clear_aperture_mm},
+        "options": {
+            **options,
+            "clear_aperture": request.clear_aperture_mm,
+            "aim": request.model_dump(include=aim),
+        },
         "output": str(service.plans.path(identity, "plan.h5")),
     }
     record = service.plans.write(identity, {"state": "queued", "request": request.model_dump()})

@@ -78,7 +78,9 @@ async def get_run_file(identity: str, service: Service) -> FileResponse:
     """Download the run file."""
     path = service.runs.path(service.runs.read(identity)["id"], "run.h5")
     if not path.is_file():
-        raise ServiceError(409, f"runs/{identity}: has no run file", "only a simulated run that is done has one")
+        raise ServiceError(
+            409, f"runs/{identity}: has no run file", "only a simulated run that is done has one"
+        )
     return FileResponse(path, filename="run.h5")
 
 
@@ -105,7 +107,9 @@ async def _stream(service: State, identity: str, job: dict[str, Any]) -> None:
     service.runs.update(identity, state=state, error=error)
 
 
-async def _record(service: State, identity: str, job: dict[str, Any], outcome: dict[str, Any]) -> dict[str, Any]:
+async def _record(
+    service: State, identity: str, job: dict[str, Any], outcome: dict[str, Any]
+) -> dict[str, Any]:
     """Return the event of the task that finds what was removed; a real controller leaves no trace to it."""
     if "trace" not in job:
         return {"event": "finished", "figures": outcome}
