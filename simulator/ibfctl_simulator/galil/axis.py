@@ -157,12 +157,14 @@ class Axis:
         return self.parameters["LD"] not in ((1, 3) if direction == "forward" else (2, 3))
 
     def servo_on(self) -> None:
-        """Hold the present position."""
-        if not self.motor_on:
+        """Hold where the encoder says the axis is; an axis in motion goes on."""
+        if self.profile is None:
             self.commanded_counts = float(self.encoder_counts)
-            self.servo.place(self.commanded_counts)
+            if self.servo.ideal and not self.motor_on:
+                self.servo.place(self.commanded_counts)
         self.motor_on = True
         self._error_seen = False
+        self.forget()
 
     def servo_off(self, code: int = STOPPED) -> None:
         """Switch the motor off; a running profile ends with `code`, and what is queued for it is lost."""

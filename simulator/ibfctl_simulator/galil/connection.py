@@ -146,6 +146,8 @@ class Connection(asyncio.Protocol):
             controller.state.error_code = code
             return BAD
         reply = controller.reply(command, handle)
+        if reply == BAD and not controller.settings.continue_line_after_error:
+            self._framing.drop_line()
         if isinstance(reply, Pending):
             self._pending = reply
             return ""

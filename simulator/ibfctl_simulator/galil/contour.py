@@ -10,7 +10,6 @@ import numpy as np
 from ibfctl_simulator.galil.profiles import FloatArray
 
 RUNNING, STOPPED = 50, 51
-PLACES = 511
 
 
 @dataclass
@@ -23,7 +22,7 @@ class ContourQueue:
         `DT n`: a record takes 2^n samples; -1 pauses.
     """
 
-    places: int = PLACES
+    places: int
     time_exponent: int = 1
     waiting: dict[int, deque[tuple[int, int]]] = field(default_factory=dict)
     executed: int = 0

@@ -41,6 +41,10 @@ class Framing:
                 self._hand_out_line(line)
         return self._parts.popleft()
 
+    def drop_line(self) -> None:
+        """Forget the commands that are left on the present line."""
+        self._parts.clear()
+
     def next_program_line(self) -> tuple[str, bool]:
         """Return the next line of a program, and whether it is the end; raises `LookupError` if there is none."""
         end = self._buffer.find(END_OF_PROGRAM, self._start)

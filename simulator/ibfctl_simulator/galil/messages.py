@@ -27,12 +27,12 @@ def message(text: str, values: Values, *, leading_blank: bool) -> str:
     parts = [_item(item.strip(), values) for item in _items(text) if item.strip()]
     if not parts:
         raise CommandError(errors.TOO_FEW_FIELDS)
-    first_is_value = parts[0][1]
-    line = parts[0][0]
-    for (part, is_value), (_, was_value) in zip(parts[1:], parts[:-1], strict=True):
-        line += f" {part}" if is_value and was_value else part
-    positive = first_is_value and not line.startswith("-")
-    return f" {line}" if positive and leading_blank else line
+    line, after_value = "", False
+    for part, is_value in parts:
+        blank = is_value and (after_value or (leading_blank and not part.startswith("-")))
+        line += f" {part}" if blank else part
+        after_value = is_value
+    return line
 
 
 def target(text: str) -> str | None:

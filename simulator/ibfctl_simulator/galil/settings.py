@@ -34,6 +34,8 @@ class Settings:
         How an axis stops when its buffer ran empty: with DC or at once. Unconfirmed.
     continue_line_after_error
         Whether the commands after a rejected one on the same line still run. Unconfirmed.
+    contour_places
+        Places of the contour buffer that all axes share; smaller models may have 31. Unconfirmed for them.
     line_characters
         Longest command line, all parts between `;` included.
     overlong_error
@@ -41,7 +43,7 @@ class Settings:
     missing_axis_error
         Error code of an axis that the model does not have. Unconfirmed.
     message_leading_blank
-        Whether `MG` puts a blank before a positive first value. Unconfirmed.
+        Whether `MG` puts a blank in the place of the sign of a positive value. Unconfirmed.
     latch_orderly_close
         Whether a client that closes in good order also latches error 123. Unconfirmed.
     motor_on_at_start
@@ -71,6 +73,7 @@ class Settings:
     begin_running_error: int = 21
     underrun_deceleration: Literal["DC", "instant"] = "DC"
     continue_line_after_error: bool = True
+    contour_places: int = 511
     line_characters: int = 80
     overlong_error: int = 5
     missing_axis_error: int = 4

@@ -51,7 +51,7 @@ class State:
             axis.start_at(self.sample)
         for axis, values in zip(self.axes, self._burned_parameters, strict=False):
             axis.parameters.restore(values)
-        self.contour = ContourQueue()
+        self.contour = ContourQueue(self.settings.contour_places)
         self.contour_axes: list[int] = []
         self.outputs = 0
         self.inputs = (1 << INPUTS) - 1 if self.settings.idle_inputs else 0

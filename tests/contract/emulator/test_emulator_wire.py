@@ -163,3 +163,10 @@ def test_a_clock_that_is_too_fast_slips_and_clients_still_get_answers():
         assert client.recv(10) == b"::"
         client.sendall(b"MG _BGA\r")
         assert client.recv(100) == b" 1.0000\r\n:"
+
+
+@pytest.mark.parametrize(("go_on", "received"), [(True, ":?:"), (False, ":?")])
+def test_whether_a_line_goes_on_behind_an_error_is_a_setting(serve, go_on, received):
+    client = serve(continue_line_after_error=go_on)
+    assert client.ask("SB 1;bad;SB 2\r", len(received)) == received
+    assert client.ask("MG @OUT[1],@OUT[2]\r") == (" 1.0000 1.0000\r\n:" if go_on else " 1.0000 0.0000\r\n:")

@@ -83,7 +83,7 @@ def test_a_setting_that_names_an_axis_is_no_variable_but_a_digit_makes_one(conso
         ("MG 1,2", " 1.0000 2.0000"),
         ("MG -1", "-1.0000"),
         ('MG "abc"', "abc"),
-        ('MG "abc",5', "abc5.0000"),
+        ('MG "abc",5', "abc 5.0000"),
         ('MG "a,b"', "a,b"),
         ("MG{Z10.0}_PVA", " 255"),
         ("MG{F5.1}2.5", " 00002.5"),

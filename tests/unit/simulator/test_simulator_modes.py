@@ -220,3 +220,15 @@ def test_homing_is_ended_by_stop(switched):
     switched.good("STA")
     switched.controller.advance(3000)
     assert (switched("SCA"), switched.number("_BGA")) == ("4\r\n:", 0)
+
+
+def test_servo_on_takes_the_present_position_as_its_target(make_console):
+    console = make_console(servo=ServoModel(kind="lag", time_constant_s=0.05))
+    console.good("SHA", "PAA=20000", "SPA=100000", "ACA=1024000", "BGA")
+    console.controller.advance(100)
+    console.good("MOA")
+    assert abs(console.number("_TEA")) > 100
+    console.good("SHA")
+    assert console.number("_TEA") == 0
+    console.controller.advance(100)
+    assert console.number("_TEA") == 0

@@ -299,7 +299,7 @@ def test_an_automatic_subroutine_does_not_interrupt_itself(console):
 
 def test_messages_go_to_the_console_handle_marked_or_plain(run, heard):
     run("CW 1", 'MG "a",1', "CW 2", 'MG "b"{N}', 'MG {EA}"c"', "EN")
-    assert heard == [bytes(byte | 0x80 for byte in b"a1.0000\r\n"), b"b", b"c\r\n"]
+    assert heard == [bytes(byte | 0x80 for byte in b"a 1.0000\r\n"), b"b", b"c\r\n"]
 
 
 def test_without_a_console_handle_messages_are_lost(run, heard, console):
