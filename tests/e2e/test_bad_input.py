@@ -139,6 +139,11 @@ def test_two_aims_at_once(small_job: SmallJob, refused: Refused) -> None:
     assert "at least" in refused(_plan(small_job, "--max-time", "0.1"), LIMITS)
 
 
+def test_a_demo_without_the_extra_for_pictures(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ibfctl.cli.demo.find_spec", lambda name: None)
+    assert "ibfctl[plots]" in refused(["demo"], BAD_INPUT)
+
+
 def test_a_port_in_use(small_job: SmallJob, refused: Refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

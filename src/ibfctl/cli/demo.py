@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -10,6 +11,7 @@ from ibfctl.cli.options import json_option, speed_option
 from ibfctl.cli.output import print_json
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import demo_table
+from ibfctl.errors import InputError
 
 
 @click.command(name="demo")
@@ -24,6 +26,8 @@ from ibfctl.cli.words import demo_table
 @json_option
 def command(out: Path, speed: float, as_json: bool) -> None:
     """Plan a made 92 x 16 mm flat, run it on an emulated controller, and show what was left of its error."""
+    if find_spec("matplotlib") is None:
+        raise InputError("demo: its pictures need matplotlib, which is not installed", "pip install 'ibfctl[plots]'")
     from ibfctl.demo.job import demo_job
     from ibfctl.demo.run import run_demo
     from ibfctl.machine.description import read_machine
