@@ -54,7 +54,11 @@ def test_the_sample_period_is_galils_by_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "x", "y"), [("nsls2-ibf", (250.0, 2000.0), (150.0, 1000.0)), ("simulator", (250.0, 2000.0), (150.0, 1000.0))]
+    ("name", "x", "y"),
+    [
+        ("nsls2-ibf", (250.0, 2000.0), (150.0, 1000.0)),
+        ("simulator", (250.0, 2000.0), (150.0, 1000.0)),
+    ],
 )
 def test_the_shipped_files_hold_the_published_stages(name: str, x: tuple[float, float], y: tuple[float, float]) -> None:
     machine = read_machine(shipped_machine(name))
