@@ -9,64 +9,32 @@ and what is done about it does not depend on how time is cut.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.errors import CommandError
-from ibfctl_simulator.galil.parameters import LARGEST_POSITION, AxisParameters
+from ibfctl_simulator.galil.outlook import LOOK_AHEAD_SAMPLES, Motion, Outlook, look_ahead
+from ibfctl_simulator.galil.parameters import AxisParameters
 from ibfctl_simulator.galil.phases import stop_phases
 from ibfctl_simulator.galil.profiles import FloatArray, PhasedProfile, Profile
 from ibfctl_simulator.galil.pvt import UNDERRUN, PvtBuffer, PvtProfile
 from ibfctl_simulator.galil.servo import Servo
 from ibfctl_simulator.galil.settings import SAMPLES_PER_SECOND, Settings
-from ibfctl_simulator.galil.switches import Direction, Switches, first_true
+from ibfctl_simulator.galil.switches import Direction, Switches
 
 MOVING, ARRIVED, STOPPED, ABORTED, OFF_ON_ERROR = 0, 1, 4, 7, 8
-LOOK_AHEAD_SAMPLES = 512
-"""How far an axis looks ahead at least: many short chunks then cost little more than one long one."""
-
 LIMIT_CODES: dict[Direction, int] = {"forward": 2, "reverse": 3}
 
 Mode = Literal["none", "absolute", "relative", "jog", "tracking", "pvt", "contour", "edge", "home", "index"]
 Event = Literal["limit", "position_error"]
 
 
-@dataclass(frozen=True)
-class Motion:
-    """What one axis did during some samples.
-
-    Attributes
-    ----------
-    commanded_counts, encoder_counts : (n,) float64
-    """
-
-    commanded_counts: FloatArray
-    encoder_counts: FloatArray
-
-
-@dataclass
-class _Plan:
-    """Coming samples, how many of them have passed, and what happens at the last of them."""
-
-    commanded: FloatArray
-    load: FloatArray
-    encoder: FloatArray
-    reaction: Callable[[], None] | None
-    passed: int = 0
-
-    @property
-    def left(self) -> int:
-        """How many samples are still to pass."""
-        return len(self.commanded) - self.passed
-
-
 class Axis:
     """An axis as a function of samples; knows nothing of sockets, clocks or text."""
 
-    def __init__(self, letter: str, settings: Settings) -> None:
+    def __init__(self, letter: str, settings: Settings, sample: int = 0) -> None:
         self.letter = letter
         self.settings = settings
         self.sample_period_s = 1.0 / SAMPLES_PER_SECOND
@@ -93,9 +61,10 @@ class Axis:
         """While homing: index of the first coming physical position at which something is found."""
         self.on_found: Callable[[], None] | None = None
         self._on_ended: Callable[[], None] | None = None
-        self._sample = 0
-        self._error_seen = False
-        self._plan: _Plan | None = None
+        self._sample = sample
+        self.error_seen = False
+        """Whether the present following error was already found too large."""
+        self._outlook: Outlook | None = None
 
     @property
     def moving(self) -> bool:
@@ -109,7 +78,7 @@ class Axis:
             return False
         if not self.motor_on:
             return True
-        known = self.servo.faithful or self.error_too_large == self._error_seen
+        known = self.servo.faithful or self.error_too_large == self.error_seen
         return known and self.servo.settled(self.commanded_counts)
 
     @property
@@ -139,9 +108,10 @@ class Axis:
         """Whether the following error exceeds `ER`."""
         return 0 < self.parameters["ER"] < abs(self.error_counts)
 
-    def start_at(self, sample: int) -> None:
-        """Say which absolute sample it is; the encoder's noise depends on it."""
-        self._sample = sample
+    @property
+    def stopping_at_limit(self) -> bool:
+        """Whether the axis is being stopped because of a limit."""
+        return self.stopping and self.stop_code in LIMIT_CODES.values()
 
     def require_still(self) -> None:
         """Raise error 7 while the axis moves."""
@@ -163,7 +133,7 @@ class Axis:
             if self.servo.ideal and not self.motor_on:
                 self.servo.place(self.commanded_counts)
         self.motor_on = True
-        self._error_seen = False
+        self.error_seen = False
         self.forget()
 
     def servo_off(self, code: int = STOPPED) -> None:
@@ -253,43 +223,53 @@ class Axis:
 
     def look(self, samples: int) -> int:
         """Return how many samples pass until something may happen on this axis, at most `samples`."""
-        if self._plan is None and not self.quiet:
-            self._look_ahead(max(samples, LOOK_AHEAD_SAMPLES))
-        return samples if self._plan is None else min(samples, self._plan.left)
+        if self._outlook is None and not self.quiet:
+            self._outlook = look_ahead(self, self._commanded_ahead(max(samples, LOOK_AHEAD_SAMPLES)), self._sample + 1)
+        return samples if self._outlook is None else min(samples, self._outlook.left)
 
     def forget(self) -> None:
         """Look ahead anew: something that the coming samples depend on may have changed."""
-        self._plan = None
-
-    def _look_ahead(self, samples: int) -> None:
-        commanded = self._look_at_profile(samples)
-        load = commanded
-        if self.motor_on:
-            load = self.servo.look(commanded, self.commanded_counts, self.sample_period_s)
-        encoder = self.servo.read(load, self._sample + 1)
-        count, reaction = self._first_event(commanded, load, encoder)
-        self._plan = _Plan(commanded[:count], load[:count], encoder[:count], reaction)
+        self._outlook = None
 
     def take(self, samples: int) -> Motion | None:
         """Let samples pass, at most as many as `look` has shown; None if the axis stood still."""
-        plan = self._plan
+        outlook = self._outlook
         self._sample += samples
-        if plan is None:
+        if outlook is None:
             return None
-        passed = slice(plan.passed, plan.passed + samples)
-        plan.passed += samples
+        passed = slice(outlook.passed, outlook.passed + samples)
+        outlook.passed += samples
         if self.profile is not None:
             self.profile.take(samples)
         if self.motor_on:
-            self.servo.take(plan.passed, plan.load)
-        if not plan.left:
-            self._plan = None
+            self.servo.take(outlook.passed, outlook.load)
+        if not outlook.left:
+            self._outlook = None
         self._settle()
-        if not plan.left and plan.reaction is not None:
-            plan.reaction()
-        return Motion(plan.commanded[passed], plan.encoder[passed])
+        if not outlook.left and outlook.reaction is not None:
+            outlook.reaction()
+        return Motion(outlook.commanded[passed], outlook.encoder[passed])
 
-    def _look_at_profile(self, samples: int) -> FloatArray:
+    def meet_limit(self, direction: Direction) -> None:
+        """Stop, or switch off where `OE` says so."""
+        self.events.add("limit")
+        code = LIMIT_CODES[direction]
+        if self.parameters["OE"] in (2, 3):
+            self.servo_off(code)
+        else:
+            self.stop(code)
+
+    def meet_error(self) -> None:
+        """Note that the following error became too large, or is small again."""
+        self.error_seen = not self.error_seen
+        if not self.error_seen:
+            return
+        self.events.add("position_error")
+        if self.parameters["OE"] in (1, 3):
+            self.stop_code = OFF_ON_ERROR
+            self.servo_off(OFF_ON_ERROR)
+
+    def _commanded_ahead(self, samples: int) -> FloatArray:
         """Commanded positions of the coming samples; a profile that has nothing left ends before them."""
         while self.profile is not None:
             positions = self.profile.look(samples)
@@ -298,75 +278,6 @@ class Axis:
             self.profile.take(0)
             self._settle()
         return np.full(samples, self.commanded_counts)
-
-    def _first_event(
-        self, commanded: FloatArray, load: FloatArray, encoder: FloatArray
-    ) -> tuple[int, Callable[[], None] | None]:
-        """Return how many samples pass up to the first event, and what is done about it."""
-        count, reaction = len(commanded), None
-        for found, react in (
-            (self._limit("forward", commanded, load), lambda: self._meet_limit("forward")),
-            (self._limit("reverse", commanded, load), lambda: self._meet_limit("reverse")),
-            (self._large_error(commanded, encoder), self._meet_error),
-            (self._found(load), self.on_found),
-            (self._settled(), None),
-        ):
-            if found is not None and found < count:
-                count, reaction = found + 1, react
-        return count, reaction
-
-    def _limit(self, direction: Direction, commanded: FloatArray, load: FloatArray) -> int | None:
-        """Index of the first sample that moves into a limit."""
-        if self.profile is None or (self.stopping and self.stop_code in LIMIT_CODES.values()):
-            return None
-        forward = direction == "forward"
-        place = self.parameters["FL" if forward else "BL"]
-        met = np.zeros(len(commanded), dtype=np.bool_)
-        if abs(place) < LARGEST_POSITION:
-            met |= commanded > place if forward else commanded < place
-        if self.limit_enabled(direction) and self.switches.present(direction):
-            met |= self.switches.active(direction, load + self.origin_counts)
-        if not met.any():
-            return None
-        steps = np.diff(commanded, prepend=self.commanded_counts)
-        return first_true(met & (steps > 0 if forward else steps < 0))
-
-    def _meet_limit(self, direction: Direction) -> None:
-        self.events.add("limit")
-        code = LIMIT_CODES[direction]
-        if self.parameters["OE"] in (2, 3):
-            self.servo_off(code)
-        else:
-            self.stop(code)
-
-    def _large_error(self, commanded: FloatArray, encoder: FloatArray) -> int | None:
-        if not self.motor_on or self.parameters["ER"] < 0:
-            return None
-        if self.servo.faithful and not self._error_seen:
-            return None
-        large = np.abs(np.rint(commanded) - encoder) > self.parameters["ER"]
-        return first_true(large != self._error_seen)
-
-    def _meet_error(self) -> None:
-        """Note that the following error became too large, or is small again."""
-        self._error_seen = not self._error_seen
-        if not self._error_seen:
-            return
-        self.events.add("position_error")
-        if self.parameters["OE"] in (1, 3):
-            self.stop_code = OFF_ON_ERROR
-            self.servo_off(OFF_ON_ERROR)
-
-    def _found(self, load: FloatArray) -> int | None:
-        if self.search is None:
-            return None
-        return self.search(load + self.origin_counts, self.physical_counts)
-
-    def _settled(self) -> int | None:
-        """Index of the first sample at which a load that lags behind an ended profile stands still."""
-        if self.profile is not None or self.servo.ideal:
-            return None
-        return self.servo.first_settled(self.commanded_counts)
 
     def _settle(self) -> None:
         """Take over the state of the profile and go on with what follows its end."""

@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl_simulator.galil.axis import Axis, Motion
+from ibfctl_simulator.galil.axis import Axis
 from ibfctl_simulator.galil.contour import ContourQueue
+from ibfctl_simulator.galil.outlook import Motion
 from ibfctl_simulator.galil.settings import SAMPLES_PER_SECOND, Settings
 from ibfctl_simulator.galil.trace import TraceWriter
 
@@ -46,9 +47,7 @@ class State:
 
     def power_up(self) -> None:
         """Put everything into its state after switching on; the passing of samples goes on."""
-        self.axes = [Axis(letter, self.settings) for letter in LETTERS[: self.settings.axes]]
-        for axis in self.axes:
-            axis.start_at(self.sample)
+        self.axes = [Axis(letter, self.settings, self.sample) for letter in LETTERS[: self.settings.axes]]
         for axis, values in zip(self.axes, self._burned_parameters, strict=False):
             axis.parameters.restore(values)
         self.contour = ContourQueue(self.settings.contour_places)
