@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ibfctl_simulator.galil import control
 from ibfctl_simulator.galil.clock import ScaledClock, SteppedClock
+from ibfctl_simulator.galil.control_port import ControlPort
 from ibfctl_simulator.galil.controller import Controller
 from ibfctl_simulator.galil.errors import CommandError
 from ibfctl_simulator.galil.programs.memory import Program
@@ -83,7 +84,7 @@ def _trace(path: Path | None, settings: Settings) -> TraceWriter | None:
 async def _serve(options: argparse.Namespace, controller: Controller) -> None:
     clock = SteppedClock() if options.clock == "stepped" else ScaledClock(options.speed)
     emulator = Emulator(controller, clock)
-    back_door: asyncio.Server | None = None
+    back_door = ControlPort(emulator)
     try:
         await emulator.start(options.host, options.port)
     except OSError as error:
@@ -96,21 +97,20 @@ async def _serve(options: argparse.Namespace, controller: Controller) -> None:
             except ValueError as error:
                 raise _UserError(f"--fault {fault!r}: {error}") from error
         if options.control_port is not None:
-            back_door = await _open_back_door(options, emulator)
+            await _open_back_door(options, back_door)
         print(f"listening on {emulator.host}:{emulator.port}", flush=True)
-        if back_door is not None:
-            print(f"control on {emulator.host}:{back_door.sockets[0].getsockname()[1]}", flush=True)
+        if options.control_port is not None:
+            print(f"control on {emulator.host}:{back_door.port}", flush=True)
         await _until_told_to_end(options, emulator)
     finally:
-        if back_door is not None:
-            back_door.close()
+        back_door.stop()
         emulator.catch_up()
         await emulator.stop()
 
 
-async def _open_back_door(options: argparse.Namespace, emulator: Emulator) -> asyncio.Server:
+async def _open_back_door(options: argparse.Namespace, back_door: ControlPort) -> None:
     try:
-        return await control.serve(emulator, options.host, options.control_port)
+        await back_door.start(options.host, options.control_port)
     except OSError as error:
         where = f"{options.host}:{options.control_port}"
         raise _UserError(f"cannot listen on {where}: {_reason(error)}; choose another --control-port") from error
@@ -134,6 +134,8 @@ async def _until_told_to_end(options: argparse.Namespace, emulator: Emulator) ->
 
 def _watch_standard_input(loop: asyncio.AbstractEventLoop, end: asyncio.Event) -> None:
     """End when the pipe on standard input closes; other kinds of standard input cannot tell."""
+    if sys.stdin is None:
+        return
     descriptor = sys.stdin.fileno()
     mode = os.fstat(descriptor).st_mode
     if not (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)):

@@ -6,7 +6,6 @@ A line is a name and `key=value` pairs, e.g. `delay seconds=0.05 handle=A`. The 
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -58,33 +57,6 @@ def apply_command(emulator: Emulator, line: str) -> None:
     for axis in emulator.controller.state.axes:
         axis.forget()
     command.act(emulator, **values)
-
-
-async def serve(emulator: Emulator, host: str, port: int) -> asyncio.Server:
-    """Answer control lines on a TCP port.
-
-    Raises
-    ------
-    OSError
-        If the address cannot be bound.
-    """
-
-    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        async for line in reader:
-            text = line.decode("latin-1").strip()
-            if text:
-                writer.write(f"{_outcome(emulator, text)}\n".encode("latin-1"))
-        writer.close()
-
-    return await asyncio.start_server(answer, host, port)
-
-
-def _outcome(emulator: Emulator, line: str) -> str:
-    try:
-        apply_command(emulator, line)
-    except ValueError as error:
-        return f"error: {error}"
-    return "ok"
 
 
 def _handle(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import subprocess
@@ -143,3 +144,22 @@ def test_a_bad_fault_or_control_port_ends_it():
             command = [*COMMAND, "--port", "0", *options]
             done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
             assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+
+
+def test_the_back_door_survives_nonsense():
+    with running("--control-port", "0") as (process, _):
+        back_port = int(process.stdout.readline().rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", back_port), timeout=5) as door:
+            door.sendall(b"x" * 100_000)
+            assert door.recv(100) == b"error: line too long\n"
+        with socket.create_connection(("127.0.0.1", back_port), timeout=5) as door:
+            assert _answer(door, b"clear\n") == b"ok\n"
+            process.send_signal(signal.SIGTERM)
+            assert process.communicate(timeout=10) == ("", "")
+    assert process.returncode == 0
+
+
+def test_a_closed_standard_input_is_no_trouble():
+    with running("--exit-with-parent", preexec_fn=lambda: os.close(0)) as (process, _):
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=10) == ("", "")

@@ -160,3 +160,85 @@ def test_a_41x3_with_eight_axes_says_so(make_console):
     console = make_console(family="41x3", axes=8)
     assert console("\x12\x16") == "DMC4183 Rev 1.3a\r\n:"
     assert console("TP") == "0, 0, 0, 0, 0, 0, 0, 0\r\n:"
+
+
+@pytest.mark.parametrize(
+    ("commands", "question", "answer"),
+    [
+        (["CN 1,,-1"], "CN ?,?,?", "1, -1, -1"),
+        (["CN ,,,1"], "MG _CN3", " 1.0000"),
+        (["AQ 2,1"], "MG _AQ2", " 1.0000"),
+        (["CW 1"], "CW ?", "1"),
+        (["CW ,1", "EO 0", "CO 3", "NO anything"], "CW ?", "2"),
+        (["AO 3,-2.5"], "MG @AO[3]", "-2.5000"),
+        ([], "MG @AN[1]", " 0.0000"),
+        (["DPB=-7"], "DP ?,?", "0, -7"),
+        (["DE ,12"], "DE ?,?", "0, 12"),
+        (["PVA=1,0,2"], "PVA=?", "254"),
+        ([], "CM ?", "511"),
+        (["DT 3"], "DT ?", "3"),
+        (["TL 5.5"], "TLA=?", "5.5"),
+        ([], "TT", "0.0000, 0.0000"),
+        (["MTB=-2.5"], "MT ?,?", "1, -2.5"),
+        ([], "MG _LFA,_LRB", " 1.0000 1.0000"),
+    ],
+)
+def test_what_is_set_is_read_back(console, commands, question, answer):
+    console.good(*commands)
+    assert console(question) == f"{answer}\r\n:"
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("CN 1,1,1,1,1,1", 4),
+        ("AQ 2", 50),
+        ("AQ 9,1", 6),
+        ("OCA=1,2,3", 4),
+        ("CF Q", 4),
+        ("CW", 50),
+        ("CW 3", 6),
+        ("EO 2", 6),
+        ("AO 1", 50),
+        ("AO 1,11", 6),
+        ("IH", 4),
+        ("DR", 50),
+        ("DR 1", 6),
+        ("DR 10,8", 6),
+        ("TM", 50),
+        ("AI 0", 6),
+        ("AP 1,1", 4),
+        ("DM x", 57),
+        ("DM x[24001]", 6),
+        ("DM x[20000],y[20000]", 66),
+        ("DA 1x", 9),
+        ("x[0]=1", 57),
+        ("DL 5", 4),
+        ("XQ", 10),
+        ("QR Q", 4),
+        ("II", 50),
+        ("II 5,3", 6),
+    ],
+)
+def test_what_is_refused(console, command, code):
+    assert console.code(command) == code
+
+
+def test_variables_run_out(console):
+    console.good(*[f"v{number}=0" for number in range(510)])
+    assert console.code("w=0") == 67
+    console.good("DA v7", "w=0")
+
+
+def test_a_41x3_has_no_extended_io(make_console):
+    console = make_console(family="41x3")
+    assert (console.code("CO 1"), console.code("MG _CO")) == (1, 58)
+
+
+def test_an_axis_that_the_model_lacks_can_have_another_error(make_console):
+    assert make_console(missing_axis_error=1).code("SPC=1") == 1
+
+
+def test_a_contour_needs_the_motor(console):
+    console.good("MOB")
+    assert console.code("CM AB") == 20

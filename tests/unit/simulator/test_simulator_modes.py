@@ -232,3 +232,19 @@ def test_servo_on_takes_the_present_position_as_its_target(make_console):
     assert console.number("_TEA") == 0
     console.controller.advance(100)
     assert console.number("_TEA") == 0
+
+
+def test_a_contour_ends_the_old_way_too(console):
+    console.good("CM A", "CD 4", "DT 0", "CD 0")
+    console.controller.advance(5)
+    assert (console("TPA"), console("SCA")) == ("4\r\n:", "51\r\n:")
+
+
+def test_the_torque_limit_slows_the_load(make_console):
+    tracks = []
+    for volts in (9.9982, 1):
+        console = make_console(servo=ServoModel(kind="second_order", acceleration_limit_counts_s2=1e6))
+        console.good("SHA", f"TLA={volts}", "SPA=100000", "ACA=1024000", "PAA=50000", "BGA")
+        console.controller.advance(100)
+        tracks.append(console.number("_TPA"))
+    assert tracks[1] < 0.5 * tracks[0]

@@ -340,3 +340,25 @@ def test_listings(run):
     assert console("LL") == "#A=0\r\n:"
     console.good("DA *")
     assert console.code("MG a") == 9
+
+
+def test_a_program_waits_for_a_place_in_the_contour(console):
+    console.controller.engine.load(Program(["n=0", "#L;WC;CD 2=1;n=n+1;JP#L,n<600", "WC;CD 0=0", "EN"]))
+    console.good("CM A", "XQ")
+    console.controller.advance(1500)
+    assert (console("TPA"), console("SCA"), console.number("n")) == ("1200\r\n:", "51\r\n:", 600)
+
+
+def test_a_trippoint_for_a_distance(run):
+    console = run("DPA=500;PAA=-20000;BGA;ADA=3000", "x=_RPA", "EN", samples=2000)
+    assert -2600 < console.number("x") <= -2500
+
+
+def test_re_leaves_the_subroutines_that_the_interrupt_called(console):
+    console.controller.engine.load(
+        Program(["#A;WT 1000;JP#A", "#TCPERR;JS #CLEAN", "EN", "#CLEAN;x=1;RE"])
+    )
+    console.good("XQ")
+    console.controller.lost("A")
+    console.controller.advance(5)
+    assert (console.number("x"), console.number("_XQ0")) == (1, 0)
