@@ -33,6 +33,7 @@ class Axis(_Section):
     travel_max_mm: Finite
     v_max_mm_s: Positive
     a_max_mm_s2: Positive
+    j_max_mm_s3: Positive | None = None
 
     @model_validator(mode="after")
     def _travel_is_a_range(self) -> Self:

@@ -110,6 +110,9 @@ def certify(
                 MAX_VELOCITY_COUNTS_S,
             ),
         ]
+        if limits.j_max_mm_s3 is not None:
+            jerk = _largest(np.abs(cubics.jerk)) / scale
+            checks.append(Check(f"peak_jerk_mm_s3.{letter}", jerk, limits.j_max_mm_s3))
         planar[limits.coordinate] = Cubics(
             cubics.start / axis.counts_per_mm, cubics.move / axis.counts_per_mm,
             cubics.start_velocity / axis.counts_per_mm, cubics.end_velocity / axis.counts_per_mm, cubics.time_s,

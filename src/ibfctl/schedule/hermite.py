@@ -72,6 +72,12 @@ class Cubics:
         return np.maximum(np.abs(self.start_acceleration), np.abs(self.end_acceleration))
 
     @property
+    def jerk(self) -> FloatArray:
+        """Rate of change of the acceleration, constant inside each segment, (n,)."""
+        velocities = self.start_velocity + self.end_velocity
+        return 6 * (velocities - 2 * self.move / self.time_s) / self.time_s**2
+
+    @property
     def velocity_range(self) -> tuple[FloatArray, FloatArray]:
         """Smallest and largest velocity inside each segment, (n,) each, vertex of the parabola included."""
         a0, a1 = self.start_acceleration, self.end_acceleration

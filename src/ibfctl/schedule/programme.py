@@ -141,7 +141,14 @@ def _limit_rows(
     pull = 6 * move / h**2 / limit
     v_max = max(task.v_max_mm_s - 2 * step, 0.5 * task.v_max_mm_s) * (1 - SOLVER_MARGIN)
     nodes = np.flatnonzero(task.free)
+    jerk_limits = []
+    if np.isfinite(task.j_max_mm_s3):
+        # Rounding moves a jerk by up to twelve steps over h².
+        most = np.maximum(task.j_max_mm_s3 - 12 * step / h**2, 0.5 * task.j_max_mm_s3) * (1 - SOLVER_MARGIN)
+        turn = 12 * move / h**3 / most
+        jerk_limits.append((rows(6 / h**2 / most, 6 / h**2 / most), turn - 1, turn + 1))
     return [
+        *jerk_limits,
         (rows(-4 / h / limit, -2 / h / limit), -1 - pull, 1 - pull),
         (rows(2 / h / limit, 4 / h / limit), -1 + pull, 1 + pull),
         # Middle Bernstein coefficient of the velocity over the mean speed: neither reversal nor overspeed.

@@ -54,7 +54,13 @@ class PvtSchedule:
 
 
 def schedule(
-    path: ToolPath, dwell_s: FloatArray, machine: MachineDescription, corridor_mm: float, *, stretch: bool = False
+    path: ToolPath,
+    dwell_s: FloatArray,
+    machine: MachineDescription,
+    corridor_mm: float,
+    *,
+    stretch: bool = False,
+    jerk_max_mm_s3: float | None = None,
 ) -> PvtSchedule:
     """Schedule a path with given dwell times as cubic PVT motion within the machine's limits.
 
@@ -70,9 +76,13 @@ def schedule(
         How far the motion may leave the straight line between two nodes.
     stretch
         Lengthen the times of segments that the limits do not allow, instead of refusing.
+    jerk_max_mm_s3
+        Limit of the jerk inside segments, for both axes, beside those of the machine.
 
     Raises
     ------
+    InputError
+        If there are not as many times as segments, or the limit of the jerk is no positive number.
     LimitsError
         If the limits cannot be met in the given times (without `stretch`), with the nodes that need more time;
         or if the path leaves the travel of an axis.
@@ -80,6 +90,8 @@ def schedule(
         If no velocities pass the certificate.
     """
     _check_times(dwell_s, path, machine.sample_period_s)
+    if jerk_max_mm_s3 is not None:
+        machine = _with_jerk_limit(machine, jerk_max_mm_s3)
     asked = needed = even_samples(dwell_s, machine.sample_period_s)
     at_rest = np.zeros(path.segments, dtype=bool)
     for share in _SHARES:
@@ -130,7 +142,8 @@ def _shortest_samples(tasks: Tasks, sample_period_s: float) -> IntArray:
     """Even samples (n,) below which a segment breaks a limit whatever its neighbours do.
 
     From rest to rest a cubic needs time sqrt(6 s/a) and reaches 1.5 times its mean speed; with one end at
-    rest sqrt(2 s/a); between moving ends only the speed limit counts.
+    rest sqrt(2 s/a); between moving ends only the speed limit counts. A limit j of the jerk asks for
+    cbrt(12 s/j) from rest to rest, and for nothing where an end may move.
     """
     shortest_s = np.zeros(tasks[0].move_mm.size)
     for task in tasks:
@@ -138,7 +151,8 @@ def _shortest_samples(tasks: Tasks, sample_period_s: float) -> IntArray:
         ends_at_rest = 2 - task.free[:-1].astype(int) - task.free[1:].astype(int)
         speed = np.choose(ends_at_rest, [1.0, 1.0, 1.5]) * move_mm / task.v_max_mm_s
         push = np.sqrt(np.choose(ends_at_rest, [0.0, 2.0, 6.0]) * move_mm / task.a_max_mm_s2)
-        shortest_s = np.maximum(shortest_s, np.maximum(speed, push))
+        turn = np.cbrt(np.choose(ends_at_rest, [0.0, 0.0, 12.0]) * move_mm / task.j_max_mm_s3)
+        shortest_s = np.maximum(shortest_s, np.maximum(np.maximum(speed, push), turn))
     return 2 * np.maximum(np.ceil(0.5 * shortest_s / sample_period_s * (1 + 1e-9)), 1).astype(np.int64)
 
 
@@ -185,6 +199,7 @@ def _tasks(counted: CountedPath, machine: MachineDescription, at_rest: NDArray[n
             axis.a_max_mm_s2,
             1 / axis.counts_per_mm,
             free_nodes(move_counts) & moving,
+            np.inf if axis.j_max_mm_s3 is None else axis.j_max_mm_s3,
         )
 
     x, y = (machine.letter_of(coordinate) for coordinate in ("x", "y"))
@@ -206,6 +221,17 @@ def _program(
             axis.signed_counts_per_mm,
         )
     return PvtProgram(dict(sorted(axes.items())), coordinates, counted.time_samples, machine.sample_period_s)
+
+
+def _with_jerk_limit(machine: MachineDescription, jerk_max_mm_s3: float) -> MachineDescription:
+    """Return the machine with no axis' jerk above the limit."""
+    if not (np.isfinite(jerk_max_mm_s3) and jerk_max_mm_s3 > 0):
+        raise InputError(f"schedule: limit of the jerk is {jerk_max_mm_s3:g} mm/s³", "give a positive number")
+    axes = {
+        letter: axis.model_copy(update={"j_max_mm_s3": min(jerk_max_mm_s3, axis.j_max_mm_s3 or np.inf)})
+        for letter, axis in machine.axes.items()
+    }
+    return machine.model_copy(update={"axes": axes})
 
 
 def _check_times(dwell_s: FloatArray, path: ToolPath, sample_period_s: float) -> None:

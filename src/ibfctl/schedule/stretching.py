@@ -2,7 +2,8 @@
 
 With velocities of at most the mean speeds on either side of a node, along the chord where the path goes straight
 on and zero where it turns, a segment needs  a h² + (4 u + 2 w) h >= 6 s  for its larger and smaller end speed u and
-w. Such times always admit a schedule; the programme then finds a smoother one.
+w, and under a limit j of the jerk  j h³ + 6 (u + w) h >= 12 s. Such times always admit a schedule; the programme then
+finds a smoother one.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ def sufficient_samples(tasks: Tasks, samples: IntArray, sample_period_s: float) 
         v_max = _ROOM * np.min(
             [task.v_max_mm_s / np.abs(part) for task, part in zip(tasks, direction, strict=True)], axis=0
         )
+        j_max = _ROOM * np.min(
+            [task.j_max_mm_s3 / np.abs(part) for task, part in zip(tasks, direction, strict=True)], axis=0
+        )
     straight = _straight(tasks, direction)
     # Speeds are rounded by up to a step at either end, and more along the chord where it is steep for the axis.
     step = np.max(
@@ -48,6 +52,7 @@ def sufficient_samples(tasks: Tasks, samples: IntArray, sample_period_s: float) 
         with np.errstate(invalid="ignore"):
             enough = 12 * length / (push + np.sqrt(push**2 + 24 * a_max * length))
             enough = np.maximum(enough, 3 * length / (v_max + slow + fast))
+            enough = np.maximum(enough, _time_for_jerk(length, j_max, np.maximum(slow + fast - 2 * step, 0.0)))
         wanted = 2 * np.ceil(np.where(moving, enough, 0.0) / (2 * sample_period_s) - 1e-6).astype(np.int64)
         if (wanted <= needed).all():
             break
@@ -61,6 +66,14 @@ def chord_velocities(tasks: Tasks, time_s: FloatArray) -> tuple[FloatArray, Floa
     speed = _node_speeds(length / time_s, _straight(tasks, direction))
     along = np.concatenate([direction, direction[:, -1:]], axis=1)
     return speed * along[0] * tasks[0].free, speed * along[1] * tasks[1].free
+
+
+def _time_for_jerk(length: FloatArray, j_max: FloatArray, end_speeds: FloatArray) -> FloatArray:
+    """Root h of  j h³ + 6 (u + w) h = 12 s, without the cancellation of Cardano's difference; 0 without a limit."""
+    third, half = 2 * end_speeds / j_max, 6 * length / j_max
+    larger = np.cbrt(half + np.sqrt(half**2 + third**3))
+    below = larger**2 + third + np.divide(third, larger, out=np.zeros_like(third), where=larger > 0) ** 2
+    return np.asarray(np.divide(2 * half, below, out=np.zeros_like(half), where=below > 0))
 
 
 def _chords(tasks: Tasks) -> tuple[FloatArray, FloatArray]:

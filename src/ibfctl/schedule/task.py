@@ -26,6 +26,8 @@ class AxisTask:
         Step to which velocities are rounded, towards zero.
     free : (n + 1,) bool
         Nodes at which the axis may move, see `free_nodes`.
+    j_max_mm_s3 : float
+        Limit of the jerk inside the segments, infinite where there is none.
     """
 
     move_mm: FloatArray
@@ -33,6 +35,7 @@ class AxisTask:
     a_max_mm_s2: float
     resolution_mm_s: float
     free: NDArray[np.bool_]
+    j_max_mm_s3: float = np.inf
 
     def rounded(self, velocity_mm_s: FloatArray) -> FloatArray:
         """Velocities (n + 1,) as the controller will get them."""
@@ -83,6 +86,8 @@ def limit_excess(
         low, high = segment.velocity_range
         np.maximum(excess, segment.peak_acceleration / task.a_max_mm_s2 - 1, out=excess)
         np.maximum(excess, np.maximum(-low, high) / task.v_max_mm_s - 1, out=excess)
+        if np.isfinite(task.j_max_mm_s3):
+            np.maximum(excess, np.abs(segment.jerk) / task.j_max_mm_s3 - 1, out=excess)
         mean = task.move_mm / time_s
         backwards = np.where(mean < 0, high, -low) / np.where(mean != 0, np.abs(mean), np.inf)
         np.maximum(excess, backwards, out=excess)

@@ -66,7 +66,8 @@ def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float, *, la
         segments = stretches(tasks, excess > 0)
         part = tasks[0][segments], tasks[1][segments]
         for task, whole, solved in zip(tasks, velocities, solve(part, time_s[segments]), strict=True):
-            whole[segments + 1] = task.rounded(solved[1:])
+            # A solver's answer may be no number at all: then rest.
+            whole[segments + 1] = task.rounded(np.nan_to_num(solved[1:], posinf=0.0, neginf=0.0))
         return limit_excess(tasks, velocities, time_s, corridor_mm)
 
     if excess.any():

@@ -50,7 +50,8 @@ def test_the_gap_agrees_with_every_pixel_against_every_segment() -> None:
     starts = np.column_stack([path.x_mm[:-1], path.y_mm[:-1]])
     moves = np.column_stack([np.diff(path.x_mm), np.diff(path.y_mm)])
     points = np.column_stack([x, y])
-    each = [distances_mm(points, np.tile(a, (x.size, 1)), np.tile(m, (x.size, 1))) for a, m in zip(starts, moves, strict=True)]
+    ends = zip(starts, moves, strict=True)
+    each = [distances_mm(points, np.tile(start, (x.size, 1)), np.tile(move, (x.size, 1))) for start, move in ends]
     exact = float(np.min(each, axis=0).max())
     found = path_figures(path, (x, y)).largest_gap_mm
     assert found is not None
