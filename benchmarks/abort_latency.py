@@ -17,7 +17,7 @@ ABORTS = 200
 LATENCY_S = 0.05
 GAP_S = 0.02
 STREAM_HANDLE = 0
-COUNTS = b" 0 0 255 255 30 30\r\n:"
+COUNTS = b" 0 0 255 255 30 30 0\r\n:"
 
 
 class _Wire:
@@ -68,6 +68,7 @@ def run() -> dict[str, Any]:
     connection = bench.connection.model_copy(update={"port": wire.listener.getsockname()[1]})
     controller = connect(bench.model_copy(update={"connection": connection}))
     program, done = wave(64, 60), threading.Event()
+    controller.prepare_segments(program)
 
     def keep_busy() -> None:
         while not done.is_set():

@@ -94,9 +94,10 @@ class FakeGalil:
                 for line in lines:
                     command = line.decode("ascii")
                     with self._lock:
-                        self.log.append((number, command))
                         if self._downloads(command):
+                            self.log.append((number, f"  {command}"))  # so that it is not taken for a command
                             continue
+                        self.log.append((number, command))
                         answer = self.fault(number, command)
                         if answer is None:
                             answer = self.answer(command)
@@ -110,7 +111,7 @@ class FakeGalil:
         """Program lines get no answer."""
         if line == "DL":
             self._download = []
-            return True
+            return False
         if self._download is None or line == "\\":
             return False
         self._download.append(line)
@@ -121,6 +122,8 @@ class FakeGalil:
             return self._text(self.identity)
         if command == "TC1":
             return self._text(self.reason)
+        if command == "DL":
+            return b""
         if command == "\\":
             self.program, self._download = self._download or [], None
             return 2 * PROMPT

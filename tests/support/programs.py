@@ -9,7 +9,7 @@ import numpy as np
 
 from ibfctl.machine.controller import MotionController
 from ibfctl.machine.description import MachineDescription
-from ibfctl.machine.program import AxisProgram, PvtProgram
+from ibfctl.machine.program import AxisProgram, ContourAxis, ContourProgram, PvtProgram
 from ibfctl.runs.drivers import connect
 
 SAMPLE_S = 1 / 1024
@@ -55,3 +55,14 @@ def connected(bench: MachineDescription) -> Iterator[MotionController]:
         yield controller
     finally:
         controller.close()
+
+
+def contour(segments: int, exponent: int = 5, start_counts: tuple[int, int] = (-500, 250)) -> ContourProgram:
+    """The same motion in straight lines."""
+    wave = program(segments, 2**exponent, start_counts)
+    axes = {
+        letter: ContourAxis(axis.increment_counts, axis.start_counts, axis.counts_per_mm)
+        for letter, axis in wave.axes.items()
+    }
+    exponents = np.full(segments, exponent, dtype=np.int64)
+    return ContourProgram(axes, wave.coordinates, exponents, wave.sample_period_s)

@@ -9,19 +9,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from ibfctl.errors import ControllerError
 
-from ibfctl.errors import ControllerError, LimitsError
-from ibfctl.machine.program import (
-    MAX_INCREMENT_COUNTS,
-    MAX_SEGMENT_SAMPLES,
-    MAX_VELOCITY_COUNTS_S,
-    IntArray,
-    PvtProgram,
-)
-
-PVT_PLACES = 255
 MAX_SPEED_COUNTS_S = 22_000_000
 MAX_ACCELERATION_COUNTS_S2 = 1_073_740_800
 ACCELERATION_STEP_COUNTS_S2 = 1024
@@ -96,52 +85,6 @@ def parse_integers(text: str, count: int, what: str) -> list[int]:
 def message_of(operands: Iterable[str]) -> str:
     """Return the command that asks for the values of `operands` in one round trip."""
     return "MG " + ",".join(operands)
-
-
-def _check_range(program: PvtProgram, first: int, last: int) -> None:
-    times = program.time_samples[first:last]
-    odd = (times < 2) | (times > MAX_SEGMENT_SAMPLES) | (times % 2 != 0)
-    _refuse_where(odd, times, first, "time", "samples")
-    for letter, axis in program.axes.items():
-        moves, speeds = axis.increment_counts[first:last], axis.end_velocity_counts_s[first:last]
-        _refuse_where(np.abs(moves) > MAX_INCREMENT_COUNTS, moves, first, f"axis {letter} move", "counts")
-        too_fast = np.abs(speeds) > MAX_VELOCITY_COUNTS_S
-        _refuse_where(too_fast, speeds, first, f"axis {letter} velocity", "counts/s")
-
-
-def _refuse_where(bad: NDArray[np.bool_], values: IntArray, first: int, what: str, unit: str) -> None:
-    if bad.any():
-        place = int(np.argmax(bad))
-        raise LimitsError(
-            f"segment {first + place}: {what} of {int(values[place])} {unit} is outside the range",
-            f"allowed: time even, 2 to {MAX_SEGMENT_SAMPLES}; move up to {MAX_INCREMENT_COUNTS}; "
-            f"velocity up to {MAX_VELOCITY_COUNTS_S}; plan the job again",
-        )
-
-
-def segment_lines(program: PvtProgram, first: int, last: int) -> list[bytes]:
-    """Return one complete ``PV`` line per axis and segment, the axes of a segment side by side.
-
-    Raises
-    ------
-    LimitsError
-        If a number is beyond the controller's range; it names axis, segment and number.
-    """
-    _check_range(program, first, last)
-    times = program.time_samples[first:last].tolist()
-    columns = [
-        [
-            b"PV%c=%d,%d,%d\r" % (ord(letter), move, velocity, time)
-            for move, velocity, time in zip(
-                axis.increment_counts[first:last].tolist(),
-                axis.end_velocity_counts_s[first:last].tolist(),
-                times,
-                strict=True,
-            )
-        ]
-        for letter, axis in program.axes.items()
-    ]
-    return [line for row in zip(*columns, strict=True) for line in row]
 
 
 def acceleration(counts_s2: float) -> int:

@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from ibfctl.errors import ControllerError, LinkError
 from ibfctl.machine.controller import AxisStatus, BufferStatus, ControllerIdentity
 from ibfctl.machine.description import Axis, MachineDescription
-from ibfctl.machine.program import PvtProgram
+from ibfctl.machine.program import MotionProgram
 from ibfctl_drivers.galil import codec
 from ibfctl_drivers.galil.clock import sample_period_s
 from ibfctl_drivers.galil.gate import GateOutput
 from ibfctl_drivers.galil.guard import THREAD_RUNS, Guard, guard_lines
 from ibfctl_drivers.galil.link import Link, RejectedError
+from ibfctl_drivers.galil.segments import PLACES, SegmentMode, mode_for
 from ibfctl_drivers.galil.transport import TcpTransport
 
 POLL_S = 0.005
@@ -47,13 +48,15 @@ class GalilController:
     handle, questions and all else the status handle; the gate and abort have theirs to themselves.
     """
 
-    buffer_places = codec.PVT_PLACES
+    buffer_places = PLACES
 
     def __init__(self, machine: MachineDescription) -> None:
         self._machine = machine
         self._axes: dict[str, Axis] = dict(machine.axes.items())
         self._letters = "".join(sorted(machine.axes))
         self._free = dict.fromkeys(self._letters, 0)
+        self._queued = 0
+        self._prepared: SegmentMode | None = None
         self._closed = False
         self._links: list[Link] = []
         try:
@@ -71,16 +74,16 @@ class GalilController:
         """Have unsolicited text marked on every handle, and clear an error latched by an earlier client."""
         for link in self._links:
             try:
-                link.request("CW 1")
+                link.tell("CW 1")
             except RejectedError as refusal:  # unsolicited text will then break the framing: still safe
                 _log.warning("unsolicited text stays unmarked: %s", refusal)
-        latched = self._status.request("TC1")
+        latched = self._status.ask("TC1")
         if not latched.startswith("0"):
             _log.info("error latched before this connection: %s", latched)
 
     def identify(self) -> ControllerIdentity:
         """Ask who answers, and prove by asking that every axis of the job has a PVT buffer."""
-        text = self._status.request(codec.IDENTIFY)
+        text = self._status.ask(codec.IDENTIFY)
         model = codec.parse_identity(text)
         last = ord(self._letters[-1]) - ord("A") + 1
         if last > model.axes:
@@ -100,15 +103,15 @@ class GalilController:
     def servo_on(self) -> None:
         """Set the error limit and what follows from it, then switch the servos on."""
         for letter in self._letters:
-            self._status.request(f"ER{letter}={self._machine.servo.error_limit_counts}")
-            self._status.request(f"OE{letter}={self._machine.servo.off_on_error}")
-        self._status.request(f"SH {self._letters}")
+            self._status.tell(f"ER{letter}={self._machine.servo.error_limit_counts}")
+            self._status.tell(f"OE{letter}={self._machine.servo.off_on_error}")
+        self._status.tell(f"SH {self._letters}")
         if any(self._ask([f"_MO{letter}" for letter in self._letters])):
             raise ControllerError("a motor stays off after SH", "check amplifier enable and the abort input")
 
     def servo_off(self) -> None:
         """Switch the servos of the job's axes off."""
-        self._status.request(f"MO {self._letters}")
+        self._status.tell(f"MO {self._letters}")
 
     def move_to(self, position_counts: Mapping[str, int]) -> None:
         """Move to absolute positions at approach speed; a later stop decelerates at the axes' own limit."""
@@ -116,50 +119,50 @@ class GalilController:
         for letter, target in position_counts.items():
             scale = self._axes[letter].counts_per_mm
             approach = codec.acceleration(servo.approach_acceleration_mm_s2 * scale)
-            self._status.request(f"AC{letter}={approach}")
-            self._status.request(f"DC{letter}={approach}")
-            self._status.request(f"SP{letter}={codec.speed(servo.approach_speed_mm_s * scale)}")
-            self._status.request(f"PA{letter}={target}")
-        self._status.request(f"BG {''.join(position_counts)}")
+            self._status.tell(f"AC{letter}={approach}")
+            self._status.tell(f"DC{letter}={approach}")
+            self._status.tell(f"SP{letter}={codec.speed(servo.approach_speed_mm_s * scale)}")
+            self._status.tell(f"PA{letter}={target}")
+        self._status.tell(f"BG {''.join(position_counts)}")
         self._await_target(position_counts)
         for letter in position_counts:
             axis = self._axes[letter]
-            self._status.request(f"DC{letter}={codec.acceleration(axis.a_max_mm_s2 * axis.counts_per_mm)}")
+            self._status.tell(f"DC{letter}={codec.acceleration(axis.a_max_mm_s2 * axis.counts_per_mm)}")
 
     def start_guard(self, patience_s: float) -> None:
         """Load the guard program, read it back and start it; from now on every poll is a sign of life."""
         self._guard.start(patience_s)
 
-    def clear_segments(self) -> None:
-        """Empty the PVT buffers and see that they are empty."""
-        for letter in self._letters:
-            self._status.request(f"PV{letter}=0,0,-1")
+    def prepare_segments(self, program: MotionProgram) -> None:
+        """Enter the program's mode and see that the buffers are empty."""
+        self._prepared, self._queued = mode_for(program), 0
+        for command in self._prepared.enter():
+            self._status.tell(command)
         free = self.buffer_status().free_places
         if any(places != self.buffer_places for places in free.values()):
-            raise ControllerError(f"PVT buffers are not empty after clearing: free places {dict(free)}")
+            raise ControllerError(f"segment buffers are not empty after clearing: free places {dict(free)}")
 
-    def queue_segments(self, program: PvtProgram, first: int, last: int) -> None:
+    def queue_segments(self, program: MotionProgram, first: int, last: int) -> None:
         """Send segments `first` to `last` (exclusive) of every axis and check every prompt."""
-        letters = list(program.axes)
+        lines = self._mode.lines(first, last)
         self._take_places(last - first)
-        lines = codec.segment_lines(program, first, last)
         try:
             self._stream.pipeline(lines)
         except RejectedError as refusal:
-            segment, axis = divmod(refusal.index, len(letters))
-            raise self._after_refusal(f"segment {first + segment} of axis {letters[axis]}") from refusal
+            raise self._after_refusal(self._mode.place_of(refusal.index, first)) from refusal
 
     def queue_end(self) -> None:
         """Send the end marker to every axis."""
         self._take_places(1)
         try:
-            self._stream.pipeline([b"PV%c=0,0,0\r" % ord(letter) for letter in self._letters])
+            self._stream.pipeline(self._mode.end_lines())
         except RejectedError as refusal:
-            raise self._after_refusal(f"the end marker of axis {self._letters[refusal.index]}") from refusal
+            raise self._after_refusal("the end marker") from refusal
 
     def begin_segments(self) -> None:
         """Open the beam gate and start all axes in one packet, then read the gate back."""
-        lines = [f"{self._gate.open_command}\r", f"BT {self._letters}\r"]
+        self._guard.beat_now()
+        lines = [f"{self._gate.open_command}\r", f"{self._mode.begin()}\r"]
         try:
             self._stream.pipeline([line.encode("ascii") for line in lines])
         except RejectedError as refusal:
@@ -171,17 +174,19 @@ class GalilController:
             raise ControllerError("the beam gate did not open", "check its output and wiring")
 
     def buffer_status(self) -> BufferStatus:
-        """Poll free places, executed segments and stop codes of all axes in one round trip."""
-        letters = self._letters
-        self._guard.beat()
-        operands = [f"{operand}{letter}" for operand in ("_BT", "_PV", "_SC") for letter in letters]
-        *values, guard_line = self._ask([*operands, THREAD_RUNS])
-        executed, free, codes = (
-            dict(zip(letters, values[start : start + len(letters)], strict=True))
-            for start in range(0, len(values), len(letters))
+        """Poll counts and stop codes of all axes and the guard in one round trip, with a sign of life."""
+        letters, counts = self._letters, self._mode.operands()
+        question = codec.message_of([*counts, *(f"_SC{letter}" for letter in letters), THREAD_RUNS])
+        text = self._status.ask(question, after=self._guard.beat())
+        values = codec.parse_integers(text, len(counts) + len(letters) + 1, question)
+        executed, free = self._mode.counts(values[: len(counts)], self._queued)
+        self._free = dict(zip(letters, free, strict=True))
+        return BufferStatus(
+            free_places=dict(self._free),
+            executed_segments=dict(zip(letters, executed, strict=True)),
+            stop_codes=dict(zip(letters, values[len(counts) : -1], strict=True)),
+            guard_runs=values[-1] >= 0,
         )
-        self._free = dict(free)
-        return BufferStatus(free, executed, codes, guard_runs=guard_line >= 0)
 
     def status(self) -> Mapping[str, AxisStatus]:
         """Full status of every axis of the job, one round trip per axis."""
@@ -197,7 +202,7 @@ class GalilController:
 
     def stop(self) -> None:
         """Decelerate all axes of the job to rest and wait until they stand."""
-        self._status.request(f"ST {self._letters}")
+        self._status.tell(f"ST {self._letters}")
         deadline = time.monotonic() + self._machine.servo.settle_timeout_s
         while any(self._ask([f"_BG{letter}" for letter in self._letters])):
             self._pause(deadline, "stop")
@@ -220,6 +225,12 @@ class GalilController:
         for link in self._links:
             link.close()
 
+    @property
+    def _mode(self) -> SegmentMode:
+        if self._prepared is None:
+            raise ControllerError("no program has been prepared")
+        return self._prepared
+
     def _open(self, name: str) -> Link:
         connection = self._machine.connection
         if self._closed:
@@ -237,13 +248,13 @@ class GalilController:
 
     def _ask(self, operands: list[str]) -> list[int]:
         question = codec.message_of(operands)
-        return codec.parse_integers(self._status.request(question), len(operands), question)
+        return codec.parse_integers(self._status.ask(question), len(operands), question)
 
     def _axis_status(self, letter: str) -> AxisStatus:
-        operands = ("_TP", "_TE", "_SC", "_BG", "_MO", "_PV", "_BT")
+        operands = ("_TP", "_TE", "_SC", "_BG", "_MO")
         values = self._ask([f"{operand}{letter}" for operand in operands])
-        position, error, stop_code, moving, off, free, executed = values
-        return AxisStatus(position, error, stop_code, bool(moving), not off, free, executed)
+        position, error, stop_code, moving, off = values
+        return AxisStatus(position, error, stop_code, bool(moving), not off)
 
     def _take_places(self, places: int) -> None:
         """Book places that the last poll saw free: a PV line is never sent to a full buffer."""
@@ -251,11 +262,12 @@ class GalilController:
             raise ControllerError(f"{places} segments do not fit into free places {self._free}")
         for letter in self._free:
             self._free[letter] -= places
+        self._queued += places
 
     def _after_refusal(self, what: str) -> RejectedError:
         self._gate.close()
         self._free = dict.fromkeys(self._letters, 0)
-        reason = self._stream.request("TC1")
+        reason = self._stream.ask("TC1")
         return RejectedError(
             f"controller refused {what}: {reason or 'no reason given'}",
             "the gate is closed; look the code up in the controller's command reference",

@@ -54,7 +54,7 @@ class GateOutput:
                 try:
                     if not self._link.is_open:
                         self._link = self._open_link()
-                    self._link.request(self.close_command)
+                    self._link.tell(self.close_command)
                     if not self._read():
                         return
                     trouble = ControllerError("the output still reads open")
@@ -69,5 +69,5 @@ class GateOutput:
         self._link.close()
 
     def _read(self) -> bool:
-        (level,) = parse_integers(self._link.request(self._question), 1, self._question)
+        (level,) = parse_integers(self._link.ask(self._question), 1, self._question)
         return level == self._level_when_open

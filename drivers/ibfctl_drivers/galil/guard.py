@@ -18,10 +18,12 @@ from ibfctl_drivers.galil.link import Link
 NAME = "#IBFGRD"
 THREAD_RUNS = "_XQ0"
 THREADS = 8
+SIGN_OF_LIFE = "gbeat=TIME"
 BEAT_INTERVAL_S = 0.1
 LOOPS_IN_PATIENCE = 250
 SAMPLES_PER_S = 1024
-STANDING, RUNNING, COMPLETE = 1, 30, 31
+ALLOWED_CODES = (1, 30, 31, 50, 51)
+"""Standing at the start, PVT and contour running, PVT and contour ended."""
 
 
 def guard_lines(letters: Sequence[str], close_command: str, closed_condition: str) -> list[str]:
@@ -36,18 +38,16 @@ def guard_lines(letters: Sequence[str], close_command: str, closed_condition: st
     closed_condition
         True while the gate is closed, e.g. ``@OUT[1]=0``.
     """
-    complete = "&".join(f"(_SC{letter}={COMPLETE})" for letter in letters)
-    stopped = [
-        f"JP #IBFSTP,(_SC{letter}<>{STANDING})&(_SC{letter}<>{RUNNING})&(_SC{letter}<>{COMPLETE})"
-        for letter in letters
-    ]
+    complete = ["&".join(f"(_SC{letter}={code})" for letter in letters) for code in (31, 51)]
+    stopped = ["&".join(f"(_SC{letter}<>{code})" for code in ALLOWED_CODES) for letter in letters]
+    contour_ran_dry = f"(_CM=511)&(_SC{letters[0]}=50)"
     return [
         NAME,
         "WT gwait",
         "JP #IBFSTP,gtrip=1",
         f"JP {NAME},{closed_condition}",
-        f"JP #IBFEND,{complete}",
-        *stopped,
+        *(f"JP #IBFEND,{condition}" for condition in complete),
+        *(f"JP #IBFSTP,{condition}" for condition in (*stopped, contour_ran_dry)),
         "JP #IBFSTP,(TIME-gbeat)>gpat",
         f"JP {NAME}",
         "#IBFEND",
@@ -97,24 +97,31 @@ class Guard:
                     f"the controller holds another program (first line {present[0]!r})",
                     "save it, clear the controller's program memory, and start again",
                 )
-            self._link.request("HX 0")
+            self._link.tell("HX 0")
             self._refuse_running_threads()
             self._link.download(self._lines)
             if self._link.upload() != self._lines:
                 raise ControllerError("the guard program does not read back as it was loaded")
-        self._link.request("HX 0")
-        self._link.request(f"gpat={round(patience_s * SAMPLES_PER_S)}")
-        self._link.request(f"gwait={max(round(patience_s * 1000 / LOOPS_IN_PATIENCE), 2)}")
-        self._link.request("gtrip=0")
-        self._beat()
-        self._link.request(f"XQ {NAME},0")
+        self._link.tell("HX 0")
+        self._link.tell(f"gpat={round(patience_s * SAMPLES_PER_S)}")
+        self._link.tell(f"gwait={max(round(patience_s * 1000 / LOOPS_IN_PATIENCE), 2)}")
+        self._link.tell("gtrip=0")
+        self.beat_now()
+        self._link.tell(f"XQ {NAME},0")
         if self._thread_lines()[0] < 0:
             raise ControllerError("the guard program does not run", "look at the controller's program errors")
 
-    def beat(self) -> None:
-        """Give a sign of life, now and then; nothing before the first `start`."""
-        if time.monotonic() >= self._next_beat:
-            self._beat()
+    def beat(self) -> str | None:
+        """Return the command that gives a sign of life if one is due; none is before the first `start`."""
+        if time.monotonic() < self._next_beat:
+            return None
+        self._next_beat = time.monotonic() + BEAT_INTERVAL_S
+        return SIGN_OF_LIFE
+
+    def beat_now(self) -> None:
+        """Give a sign of life."""
+        self._link.tell(SIGN_OF_LIFE)
+        self._next_beat = time.monotonic() + BEAT_INTERVAL_S
 
     def _refuse_running_threads(self) -> None:
         for thread, line in enumerate(self._thread_lines()):
@@ -126,8 +133,4 @@ class Guard:
 
     def _thread_lines(self) -> list[int]:
         question = message_of(f"_XQ{thread}" for thread in range(THREADS))
-        return parse_integers(self._link.request(question), THREADS, question)
-
-    def _beat(self) -> None:
-        self._link.request("gbeat=TIME")
-        self._next_beat = time.monotonic() + BEAT_INTERVAL_S
+        return parse_integers(self._link.ask(question), THREADS, question)

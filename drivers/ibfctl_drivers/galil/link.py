@@ -78,8 +78,15 @@ class Link:
         self._closed_because = self._closed_because or "it was closed"
         self._transport.close()
 
-    def request(self, command: str) -> str:
-        """Send one command and return the text of its reply, without its line end.
+    def ask(self, question: str, after: str | None = None) -> str:
+        """Send a command that answers with data; return its text, without its line end.
+
+        Parameters
+        ----------
+        question
+            The command.
+        after
+            A command without data that travels in the same packet, just before.
 
         Raises
         ------
@@ -88,15 +95,11 @@ class Link:
         LinkError
             If it answers too late or otherwise than the protocol allows. The link is closed then.
         """
-        with self._lock:
-            text, accepted = self._exchange(command)
-            if accepted:
-                return text
-            reason, known = self._exchange("TC1")
-        raise RejectedError(
-            f"controller refused {command!r}: {reason if known and reason else 'no reason given'}",
-            "look the code up in the controller's command reference",
-        )
+        return self._request(question, with_data=True, after=after)
+
+    def tell(self, command: str) -> None:
+        """Send a command that answers without data; raises as `ask`."""
+        self._request(command, with_data=False, after=None)
 
     def pipeline(self, lines: Sequence[bytes]) -> None:
         """Send complete lines that answer without data, several in flight, and check every prompt.
@@ -157,10 +160,26 @@ class Link:
         if not all(accepted):
             raise RejectedError("controller refused to abort", "use the emergency stop")
 
-    def _exchange(self, command: str) -> tuple[str, bool]:
+    def _request(self, command: str, *, with_data: bool, after: str | None) -> str:
+        with self._lock:
+            text, accepted = self._exchange(command, after)
+            if accepted:
+                if bool(text) is not with_data:
+                    self._fail(f"{text[:40]!r} is no answer to {command!r}")
+                return text
+            reason, known = self._exchange("TC1")
+        raise RejectedError(
+            f"controller refused {command!r}: {reason if known and reason else 'no reason given'}",
+            "look the code up in the controller's command reference",
+        )
+
+    def _exchange(self, command: str, after: str | None = None) -> tuple[str, bool]:
         self._settle()
-        self._send(command.encode("ascii") + b"\r")
-        text, accepted = self._reply(time.monotonic() + self._timeout_s)
+        self._send("".join(f"{line}\r" for line in (after, command) if line is not None).encode("ascii"))
+        deadline = time.monotonic() + self._timeout_s
+        if after is not None and self._reply(deadline) != ("", True):
+            self._fail(f"no bare prompt for {after!r}")
+        text, accepted = self._reply(deadline)
         if self._received:
             self._fail(f"more than one reply to {command!r}: {bytes(self._received[:40])!r} too many")
         return text, accepted

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from ibfctl.machine.program import PvtProgram
+from ibfctl.machine.program import MotionProgram
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,10 @@ class AxisStatus:
     position_counts, error_counts
         Encoder position and following error (commanded minus encoder).
     stop_code
-        The controller's reason for the present state: 30 PVT running, 31 PVT complete, 32 buffer ran empty.
+        The controller's reason for the present state: 30 PVT running, 31 PVT complete, 32 buffer ran empty,
+        50 and 51 the same as 30 and 31 for contours.
     moving, motor_on
         True while a profile is being generated; True while the servo holds.
-    free_places, executed_segments
-        Free places of the PVT buffer and segments executed since begin (the end marker counts as one).
     """
 
     position_counts: int
@@ -42,8 +41,6 @@ class AxisStatus:
     stop_code: int
     moving: bool
     motor_on: bool
-    free_places: int
-    executed_segments: int
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,8 @@ class BufferStatus:
     Attributes
     ----------
     free_places, executed_segments, stop_codes
-        As in `AxisStatus`, per axis letter.
+        Per axis letter: free places of the segment buffer, segments executed since begin (the end marker
+        counts as one), and the stop code as in `AxisStatus`.
     guard_runs
         Whether the guard on the controller watches; it ends once it has had to act.
     """
@@ -95,10 +93,10 @@ class MotionController(Protocol):
         `buffer_status` was asked for during `patience_s` seconds of the controller.
         """
 
-    def clear_segments(self) -> None:
-        """Empty the PVT buffers of all axes of the job."""
+    def prepare_segments(self, program: MotionProgram) -> None:
+        """Make all axes of the job ready for this kind of program, with empty buffers and at rest."""
 
-    def queue_segments(self, program: PvtProgram, first: int, last: int) -> None:
+    def queue_segments(self, program: MotionProgram, first: int, last: int) -> None:
         """Send segments `first` to `last` (exclusive) of every axis and check every prompt.
 
         There must be room for all of them by the last `buffer_status`. If one is refused, the gate is

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ibfctl.errors import RunError
 from ibfctl.machine.controller import BufferStatus
 
-RUNNING, COMPLETE, RAN_DRY = 30, 31, 32
+RAN_DRY = 32
 
 LASTING_POLLS = 10
 """An answer names the axes one by one, so a segment may end in between, but not so many times in a row."""
@@ -31,10 +31,14 @@ class CountCheck:
     ----------
     places
         Places of one axis' buffer.
+    running_code, complete_code
+        Stop codes of a program that runs and of one that has ended as it should.
     """
 
-    def __init__(self, places: int) -> None:
+    def __init__(self, places: int, running_code: int, complete_code: int) -> None:
         self._places = places
+        self._running_code = running_code
+        self._complete_code = complete_code
         self._lagging_polls = 0
         self._executed: dict[str, int] = {}
 
@@ -61,7 +65,7 @@ class CountCheck:
 
     def _check_stop_codes(self, status: BufferStatus, end_sent: bool) -> None:
         for letter, code in status.stop_codes.items():
-            if code != RUNNING and not (end_sent and code == COMPLETE):
+            if code != self._running_code and not (end_sent and code == self._complete_code):
                 executed = status.executed_segments[letter]
                 raise RunError(
                     f"axis {letter} stopped with code {code} after {executed} segments",

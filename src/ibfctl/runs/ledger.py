@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ibfctl.machine.program import PvtProgram
+from ibfctl.machine.program import MotionProgram
 
 
 class SegmentLedger:
@@ -32,7 +32,7 @@ class SegmentLedger:
         Latest moment, on the host's clock, at which the program can be over if it is fed in time.
     """
 
-    def __init__(self, program: PvtProgram, time_scale: float) -> None:
+    def __init__(self, program: MotionProgram, time_scale: float) -> None:
         self._ends_s = np.concatenate([[0.0], np.cumsum(program.time_samples)]) * program.sample_period_s
         self._time_scale = time_scale
         self._total = len(program)

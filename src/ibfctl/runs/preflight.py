@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 from ibfctl.errors import ControllerError, LimitsError, RunError
 from ibfctl.machine.controller import MotionController
 from ibfctl.machine.description import MachineDescription
-from ibfctl.machine.program import MAX_SEGMENT_SAMPLES, AxisProgram, PvtProgram
+from ibfctl.machine.program import MAX_SEGMENT_SAMPLES, AxisProgram, ContourAxis, MotionProgram
 
 PERIOD_TOLERANCE = 1e-4
-MEASURE_S = (0.25, 1.0, 4.0)
-"""A noisy host may spoil a short measurement, so a doubtful one is repeated with more patience."""
+MEASURE_S = (0.25, 1.0, 4.0, 16.0)
+"""Late or jittery replies may spoil a short measurement, so a doubtful one is repeated with more patience."""
 
 DOUBTFUL = 50 * PERIOD_TOLERANCE
 
 
-def check_program(program: PvtProgram, machine: MachineDescription) -> None:
+def check_program(program: MotionProgram, machine: MachineDescription) -> None:
     """Refuse a program that was not made for this machine, or that leaves its travel.
 
     Raises
@@ -42,7 +42,7 @@ def check_program(program: PvtProgram, machine: MachineDescription) -> None:
                 f"axis {letter}: {coordinate}, {axis.counts_per_mm:g} counts/mm",
                 f"{limits.coordinate}, {limits.signed_counts_per_mm:g} counts/mm",
             )
-        if axis.end_velocity_counts_s[-1] != 0:
+        if isinstance(axis, AxisProgram) and axis.end_velocity_counts_s[-1] != 0:
             raise LimitsError(f"program: axis {letter} does not end at rest", "plan the job again")
         extremes_mm = np.sort(_hull_counts(program, axis) / axis.counts_per_mm)
         if extremes_mm[0] < limits.travel_min_mm or extremes_mm[-1] > limits.travel_max_mm:
@@ -60,9 +60,11 @@ def _mismatch(planned: str, present: str) -> RunError:
     )
 
 
-def _hull_counts(program: PvtProgram, axis: AxisProgram) -> NDArray[np.float64]:
-    """Return least and greatest Bernstein coefficient of all cubics; every position lies in between."""
+def _hull_counts(program: MotionProgram, axis: AxisProgram | ContourAxis) -> NDArray[np.float64]:
+    """Return least and greatest node, or Bernstein coefficient of all cubics; every position lies in between."""
     nodes = axis.start_counts + np.concatenate([[0], np.cumsum(axis.increment_counts)])
+    if isinstance(axis, ContourAxis):
+        return np.array([nodes.min(), nodes.max()], dtype=np.float64)
     velocities = np.concatenate([[0], axis.end_velocity_counts_s])
     thirds_s = program.time_samples * program.sample_period_s / 3
     inner = np.concatenate([nodes[:-1] + velocities[:-1] * thirds_s, nodes[1:] - velocities[1:] * thirds_s])

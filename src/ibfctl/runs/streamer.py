@@ -9,14 +9,15 @@ from collections.abc import Callable
 from ibfctl.errors import ControllerError, IbfctlError, RunError
 from ibfctl.machine.controller import BufferStatus, MotionController
 from ibfctl.machine.description import MachineDescription
-from ibfctl.machine.program import PvtProgram
-from ibfctl.runs.counts import COMPLETE, CountCheck
+from ibfctl.machine.program import MotionProgram
+from ibfctl.runs.counts import CountCheck
 from ibfctl.runs.ledger import SegmentLedger
 from ibfctl.runs.outcome import RunOutcome, RunProgress
 from ibfctl.runs.preflight import check_clock, check_program
 from ibfctl.runs.sentinel import Sentinel
 
-CHUNK_SEGMENTS = 64
+LARGEST_PORTION, LEAST_PORTION = 64, 16
+LONG_CALL_S = 0.25
 PROGRESS_S = 0.1
 END_GRACE_S = 0.05
 STALL_S = 2.0
@@ -26,7 +27,7 @@ PAUSE_SHARE = 16
 
 
 def execute(
-    program: PvtProgram,
+    program: MotionProgram,
     machine: MachineDescription,
     controller: MotionController,
     *,
@@ -104,7 +105,7 @@ class _Run:
 
     def __init__(
         self,
-        program: PvtProgram,
+        program: MotionProgram,
         machine: MachineDescription,
         controller: MotionController,
         sentinel: Sentinel,
@@ -123,7 +124,10 @@ class _Run:
         self._poll_interval_s = poll_interval_s
         self._tolerance_counts = machine.servo.position_tolerance_counts
         self._ledger = SegmentLedger(program, time_scale)
-        self._check_counts = CountCheck(controller.buffer_places)
+        self._check_counts = CountCheck(
+            controller.buffer_places, program.RUNNING_CODE, program.COMPLETE_CODE
+        )
+        self._portion = LARGEST_PORTION
         self._end_sent = False
         self._began = False
         self._reported_at = 0.0
@@ -144,7 +148,7 @@ class _Run:
         return RunOutcome(
             segments_sent=self._ledger.sent,
             segments_executed=self._ledger.executed,
-            stop_codes=dict.fromkeys(errors, COMPLETE),
+            stop_codes=dict.fromkeys(errors, self._program.COMPLETE_CODE),
             final_position_error_counts=errors,
             minimum_buffer_margin_s=self._ledger.minimum_margin_s,
             duration_s=self._program.total_time_s,
@@ -172,7 +176,7 @@ class _Run:
         self._controller.start_guard(self._machine.beam_gate.guard_patience_s * self._time_scale)
 
     def _fill(self) -> None:
-        self._controller.clear_segments()
+        self._controller.prepare_segments(self._program)
         while self._ledger.sent < min(len(self._program), self._controller.buffer_places):
             self._sentinel.check()
             if not self._queue(self._controller.buffer_status()):
@@ -180,16 +184,17 @@ class _Run:
         if len(self._program) < self._controller.buffer_places:
             self._queue_end()
         queued = self._ledger.sent + self._end_sent
+        for letter, free in self._controller.buffer_status().free_places.items():
+            taken = self._controller.buffer_places - free
+            if taken != queued:
+                raise ControllerError(f"axis {letter} took {taken} of {queued} segments")
         for letter, axis in self._controller.status().items():
             error_counts = axis.position_counts - self._program.axes[letter].start_counts
-            if not axis.motor_on or axis.moving or abs(error_counts) > self._tolerance_counts:
+            if not axis.motor_on or abs(error_counts) > self._tolerance_counts:
                 raise ControllerError(
                     f"axis {letter} does not stand at its start, but {error_counts} counts away",
                     "check servo tuning and position_tolerance_counts",
                 )
-            taken = self._controller.buffer_places - axis.free_places
-            if taken != queued:
-                raise ControllerError(f"axis {letter} took {taken} of {queued} segments")
 
     def _begin(self) -> None:
         now = time.monotonic()
@@ -218,10 +223,11 @@ class _Run:
     def _prove(self) -> dict[str, int]:
         """Return the position errors at rest, having checked that nothing moves and nothing is missing."""
         errors = {}
+        executed_segments = self._controller.buffer_status().executed_segments
         for letter, axis in self._controller.status().items():
             errors[letter] = axis.position_counts - self._program.axes[letter].end_counts
-            executed = axis.executed_segments - 1
-            if axis.moving or axis.stop_code != COMPLETE or executed != len(self._program):
+            executed = executed_segments[letter] - 1
+            if axis.moving or axis.stop_code != self._program.COMPLETE_CODE or executed != len(self._program):
                 raise RunError(
                     f"axis {letter} executed {executed} of {len(self._program)} segments, "
                     f"stop code {axis.stop_code}",
@@ -235,18 +241,22 @@ class _Run:
         return errors
 
     def _has_ended(self, status: BufferStatus) -> bool:
-        complete = all(code == COMPLETE for code in status.stop_codes.values())
+        complete = all(code == self._program.COMPLETE_CODE for code in status.stop_codes.values())
         queued = len(self._program) + 1
         return complete and all(executed == queued for executed in status.executed_segments.values())
 
     def _queue(self, status: BufferStatus) -> int:
         """Send as many segments as have surely room, in portions; return how many."""
         first = self._ledger.sent
-        rows = min(min(status.free_places.values()), len(self._program) - first, CHUNK_SEGMENTS)
+        rows = min(min(status.free_places.values()), len(self._program) - first, self._portion)
         if rows > 0:
+            asked_at = time.monotonic()
             self._controller.queue_segments(self._program, first, first + rows)
-            self._ledger.add(rows, time.monotonic())
+            now = time.monotonic()
+            self._ledger.add(rows, now)
             self._expect()
+            if now - asked_at > LONG_CALL_S:
+                self._portion = max(self._portion // 2, LEAST_PORTION)
         return rows
 
     def _queue_end(self) -> None:

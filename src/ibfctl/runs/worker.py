@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ibfctl.errors import AbortedError, IbfctlError, InputError
 from ibfctl.machine.controller import MotionController
 from ibfctl.machine.description import MachineDescription, read_machine
-from ibfctl.machine.program import PvtProgram
+from ibfctl.machine.program import MotionProgram
 from ibfctl.planning.file import read_plan
 from ibfctl.runs.drivers import connect
 from ibfctl.runs.emulator import emulated_controller
@@ -57,7 +57,7 @@ class Job(BaseModel):
 
 
 def run_program(
-    program: PvtProgram,
+    program: MotionProgram,
     machine: MachineDescription,
     report: Report,
     abort: threading.Event,

@@ -34,7 +34,7 @@ def late(latency_s: float) -> tuple[str, ...]:
 
 @conditions
 def test_a_run_is_the_same(latency_s: float, speed: float, tmp_path: Path) -> None:
-    job = program(270, time_samples=16)
+    job = program(270, time_samples=30)
     with emulated_controller(tmp_path / "trace.h5", speed=speed, faults=late(latency_s)) as emulated:
         bench = emulated.in_place_of(machine())
         with connected(bench) as controller:
@@ -53,7 +53,7 @@ def test_an_abort_is_the_same(latency_s: float, speed: float, tmp_path: Path) ->
         with connected(bench) as controller:
             with pytest.raises(AbortedError):
                 execute(
-                    program(270, time_samples=16),
+                    program(270, time_samples=30),
                     bench,
                     controller,
                     time_scale=speed,

@@ -1,14 +1,9 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 from ibfctl_drivers.galil import codec
-from support.programs import program
 
-from ibfctl.errors import ControllerError, LimitsError
-from ibfctl.machine.program import PvtProgram
+from ibfctl.errors import ControllerError
 
 
 @pytest.mark.parametrize(
@@ -52,43 +47,6 @@ def test_numbers_come_apart_at_blanks_and_commas(text: str) -> None:
 def test_what_is_not_the_right_count_of_numbers_is_refused(text: str) -> None:
     with pytest.raises(ControllerError, match="numbers belong"):
         codec.parse_integers(text, 2, "TP")
-
-
-def test_the_axes_of_a_segment_stand_side_by_side() -> None:
-    small = program(40)
-    first, second, third = codec.segment_lines(small, 3, 5)[:3]
-    axis = small.axes["A"]
-    assert first == b"PVA=%d,%d,60\r" % (axis.increment_counts[3], axis.end_velocity_counts_s[3])
-    assert second.startswith(b"PVB=")
-    assert third.startswith(b"PVA=")
-
-
-def changed(what: str, value: int) -> PvtProgram:
-    whole = program(40)
-    if what == "time":
-        return replace(whole, time_samples=np.where(np.arange(40) == 7, value, whole.time_samples))
-    field = {"move": "increment_counts", "velocity": "end_velocity_counts_s"}[what]
-    column = getattr(whole.axes["B"], field).copy()
-    column[7] = value
-    return replace(whole, axes={**whole.axes, "B": replace(whole.axes["B"], **{field: column})})
-
-
-@pytest.mark.parametrize(
-    ("what", "allowed", "refused"),
-    [
-        ("time", [2, 2048], [0, 1, 3, 2050, -2]),
-        ("move", [44_000_000, -44_000_000], [44_000_001, -44_000_001]),
-        ("velocity", [22_000_000, -22_000_000], [22_000_001, -22_000_001]),
-    ],
-)
-def test_ranges_are_checked_before_the_wire(what: str, allowed: list[int], refused: list[int]) -> None:
-    for value in allowed:
-        lines = codec.segment_lines(changed(what, value), 0, 40)
-        assert max(map(len, lines)) <= 80
-    for value in refused:
-        with pytest.raises(LimitsError, match="segment 7"):
-            codec.segment_lines(changed(what, value), 5, 40)
-    assert codec.segment_lines(changed(what, refused[0]), 8, 40)
 
 
 def test_speed_and_acceleration_fall_on_the_controller_grid() -> None:

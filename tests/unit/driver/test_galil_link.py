@@ -46,19 +46,19 @@ def link_to(*answers: bytes) -> tuple[Link, ScriptedTransport]:
 
 def test_an_answer_without_data_is_the_bare_prompt() -> None:
     link, transport = link_to(b":")
-    assert link.request("SH AB") == ""
+    assert link.tell("SH AB") is None
     assert transport.sent == [b"SH AB"]
 
 
 def test_an_answer_with_data_loses_its_line_end_and_leading_blank() -> None:
     link, _ = link_to(b" 1.0000 2.0000\r\n:")
-    assert link.request("MG _BTA,_BTB") == "1.0000 2.0000"
+    assert link.ask("MG _BTA,_BTB") == "1.0000 2.0000"
 
 
 def test_a_refusal_asks_for_the_reason_and_names_the_command() -> None:
     link, transport = link_to(b"?", b"20 Begin not valid with motor off\r\n:")
     with pytest.raises(RejectedError, match=r"refused 'BG A': 20 Begin not valid with motor off"):
-        link.request("BG A")
+        link.tell("BG A")
     assert transport.sent == [b"BG A", b"TC1"]
     assert link.is_open
 
@@ -79,41 +79,55 @@ def test_a_refusal_asks_for_the_reason_and_names_the_command() -> None:
 def test_garbage_closes_the_link_for_good(answer: bytes) -> None:
     link, transport = link_to(answer, b":")
     with pytest.raises(LinkError):
-        link.request("TP")
+        link.ask("TP")
     assert transport.closed
     with pytest.raises(LinkError, match="closed because"):
-        link.request("TP")
+        link.ask("TP")
     assert len(transport.sent) == 1
+
+
+def test_an_answer_with_data_where_none_belongs_closes_the_link() -> None:
+    link, transport = link_to(b"1.0000\r\n:")
+    with pytest.raises(LinkError, match="is no answer to 'SH AB'"):
+        link.tell("SH AB")
+    assert transport.closed
+
+
+def test_an_answer_without_the_data_asked_for_closes_the_link() -> None:
+    link, transport = link_to(b":")
+    with pytest.raises(LinkError, match="is no answer to 'MG _BTA'"):
+        link.ask("MG _BTA")
+    assert transport.closed
 
 
 def test_silence_closes_the_link_for_good() -> None:
     link, transport = link_to(b"")
     with pytest.raises(LinkError, match="no answer"):
-        link.request("TP")
+        link.ask("TP")
     assert transport.closed
     assert not link.is_open
 
 
 def test_a_late_reply_is_never_taken_for_the_answer_to_the_next_command() -> None:
     link, transport = link_to(b":", b"5.0000\r\n:")
-    link.request("SH A")
+    link.tell("SH A")
     transport.pending = b"3.0000\r\n:"
     with pytest.raises(LinkError, match="unasked"):
-        link.request("MG _BTA")
+        link.ask("MG _BTA")
     assert transport.sent == [b"SH A"]
 
 
 def test_a_reply_without_end_is_given_up() -> None:
     link, _ = link_to(b"x" * 70_000)
     with pytest.raises(LinkError, match="does not end"):
-        link.request("LS")
+        link.ask("LS")
 
 
 def test_marked_text_is_logged_and_never_parsed(caplog: pytest.LogCaptureFixture) -> None:
     marked = bytes(byte | 0x80 for byte in b"? trouble: 7\r\n")
     link, _ = link_to(b" 1" + marked + b".0000\r\n:")
     with caplog.at_level(logging.WARNING):
-        assert link.request("MG _BTA") == "1.0000"
+        assert link.ask("MG _BTA") == "1.0000"
     assert "? trouble: 7" in caplog.text
 
 
@@ -122,7 +136,7 @@ def test_a_flood_of_marked_text_does_not_hold_a_call_beyond_its_time() -> None:
     transport.receive = lambda timeout_s: b"\xb1"  # type: ignore[method-assign]
     link = Link(transport, "test", 0.02)
     with pytest.raises(LinkError, match="no answer within"):
-        link.request("TP")
+        link.ask("TP")
 
 
 def test_a_batch_keeps_few_bytes_in_flight_and_checks_every_prompt() -> None:
@@ -141,7 +155,7 @@ def test_a_refusal_in_a_batch_names_its_line_and_leaves_the_link_in_step() -> No
     assert refusal.value.index == 7
     assert len(transport.sent) < 60
     transport.answer = lambda line: b"6 Number out of range\r\n:"
-    assert link.request("TC1") == "6 Number out of range"
+    assert link.ask("TC1") == "6 Number out of range"
 
 
 @pytest.mark.parametrize("answer", [b"::", b"x", b":x", b" 1\r\n:", b"\x07"])
@@ -157,7 +171,7 @@ def test_a_prompt_after_the_last_one_owed_closes_the_link() -> None:
     with pytest.raises(RejectedError):
         link.pipeline([b"PVA=1,0,2\r"])
     with pytest.raises(LinkError, match="unasked"):
-        link.request("TC1")
+        link.ask("TC1")
     assert transport.closed
 
 

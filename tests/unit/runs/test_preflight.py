@@ -90,7 +90,7 @@ def test_a_doubtful_measurement_is_repeated_with_more_patience() -> None:
 
 def test_976_microseconds_are_not_a_1024th_of_a_second() -> None:
     with pytest.raises(ControllerError, match=r"lasts 976.000 us, the machine file says 976.562 us"):
-        check(Clock(976e-6, 976e-6, 976e-6))
+        check(Clock(976e-6, 976e-6, 976e-6, 976e-6))
 
 
 def test_a_millisecond_is_refused_at_once() -> None:
