@@ -13,29 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ibfctl.dwell.aim import Aim, TradeOff, TradeOffPoint, better
+from ibfctl.dwell.compression import compress
+from ibfctl.dwell.exact import aim_exactly
 from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation, never
+
+__all__ = ["Aim", "Effort", "TradeOff", "TradeOffPoint", "aim_at"]
 
 FloatArray = NDArray[np.float64]
 Residual = Callable[[FloatArray], float]
-
-
-@dataclass(frozen=True)
-class Aim:
-    """Where on the curve of residual against time a plan is to lie; one of three.
-
-    Attributes
-    ----------
-    margin
-        The shortest time whose residual is within this share of the best.
-    max_time_s
-        The best residual in this time.
-    max_residual_nm
-        The shortest time to this residual (RMS).
-    """
-
-    margin: float = 0.01
-    max_time_s: float | None = None
-    max_residual_nm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -47,34 +33,6 @@ class Effort:
     iterations_per_round: int = 40
 
 
-@dataclass(frozen=True)
-class TradeOffPoint:
-    """One solution on the curve of residual against time.
-
-    Attributes
-    ----------
-    price_nm2_s : float
-        Price of a second in the objective.
-    rms_nm, total_time_s : float
-        Residual over the clear aperture, and beam time.
-    time_s : (n,) float64
-        The dwell times.
-    """
-
-    price_nm2_s: float
-    rms_nm: float
-    total_time_s: float
-    time_s: FloatArray
-
-
-@dataclass(frozen=True)
-class TradeOff:
-    """The floor, and the point that was aimed at."""
-
-    floor: TradeOffPoint
-    chosen: TradeOffPoint
-
-
 def aim_at(
     problem: DwellProblem,
     residual_nm: Residual,
@@ -82,10 +40,10 @@ def aim_at(
     *,
     start_s: FloatArray,
     regularisation: Regularisation,
-    effort: Effort,
+    effort: Effort | None = None,
     cancelled: Cancelled = never,
 ) -> TradeOff:
-    """Find the dwell times that `aim` asks for.
+    """Find the dwell times that `aim` asks for: exactly for small jobs, by a bounded descent for large ones.
 
     Parameters
     ----------
@@ -96,8 +54,25 @@ def aim_at(
     aim
         Shortest time within a margin of the floor, or within a limit on time or residual.
     start_s : (n,) float64
-        Where to start.
+        Where a descent starts.
+    effort
+        How long a descent may be.
     """
+    small = None if np.isfinite(problem.upper_s).any() else compress(problem)
+    if small is not None:
+        return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled)
+    return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort or Effort(), cancelled)
+
+
+def _by_descent(
+    problem: DwellProblem,
+    residual_nm: Residual,
+    aim: Aim,
+    start_s: FloatArray,
+    regularisation: Regularisation,
+    effort: Effort,
+    cancelled: Cancelled,
+) -> TradeOff:
     descent = Descent(problem, regularisation, start_s, cancelled)
 
     def here(price: float) -> TradeOffPoint:
@@ -119,22 +94,9 @@ def aim_at(
     for _ in range(effort.rounds):
         descent.advance(price, effort.iterations_per_round)
         point = here(price)
-        chosen = _better(point, chosen, aim, allowed_nm)
+        chosen = better(point, chosen, aim, allowed_nm)
         dearer = too_long_or_fine(point)
         if last is not None and dearer != last:
             factor = max(np.sqrt(factor), 1.02)
         price, last = price * factor if dearer else price / factor, dearer
     return TradeOff(floor, chosen)
-
-
-def _better(one: TradeOffPoint, other: TradeOffPoint, aim: Aim, allowed_nm: float) -> TradeOffPoint:
-    """The one of two points that serves the aim better."""
-    if aim.max_time_s is not None:
-        fits = [point for point in (one, other) if point.total_time_s <= aim.max_time_s]
-        if len(fits) == 2:
-            return min(fits, key=lambda point: point.rms_nm)
-        return fits[0] if fits else min((one, other), key=lambda point: point.total_time_s)
-    fits = [point for point in (one, other) if point.rms_nm <= allowed_nm]
-    if len(fits) == 2:
-        return min(fits, key=lambda point: point.total_time_s)
-    return fits[0] if fits else min((one, other), key=lambda point: point.rms_nm)

@@ -1,0 +1,93 @@
+"""What an aim asks for, exactly: a handful of optima at different prices, each a warm start for the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.dwell.aim import Aim, TradeOff, TradeOffPoint, better
+from ibfctl.dwell.compression import CompressedProblem
+from ibfctl.dwell.interior import InteriorPoint, solve_interior
+from ibfctl.dwell.solver import Cancelled, DwellProblem, Regularisation
+
+FloatArray = NDArray[np.float64]
+Residual = Callable[[FloatArray], float]
+
+# Price of all beam time, as a share of the squared residual, that hardly moves the floor.
+_FREE = 3e-3
+# First guess of the price of all beam time, as a share of the squared target.
+_FIRST = 3e-6
+_SEARCHES = 5
+# How close to the allowed residual or time is close enough, relative.
+_CLOSE = 5e-4
+
+
+def aim_exactly(
+    problem: DwellProblem,
+    small: CompressedProblem,
+    residual_nm: Residual,
+    aim: Aim,
+    regularisation: Regularisation,
+    cancelled: Cancelled,
+) -> TradeOff:
+    """Find the dwell times that `aim` asks for, by optima at prices that close in on it."""
+    curvature = problem.curvature()
+    rate = problem.operator(np.ones(problem.operator.steps))
+    typical_s = 3 * float(np.linalg.norm(small.target)) / float(rate.max())
+    total_s = typical_s * problem.operator.steps + float(problem.lower_s.sum())
+    first = _FIRST * float(small.target @ small.target) / total_s
+    warm = InteriorPoint(np.full(problem.lower_s.size, typical_s), np.full(problem.lower_s.size, first))
+    points: list[TradeOffPoint] = []
+
+    def at(price: float) -> TradeOffPoint:
+        nonlocal warm
+        solution = solve_interior(
+            problem,
+            small,
+            tikhonov=regularisation.tikhonov * curvature,
+            smoothing=regularisation.smoothing * curvature,
+            price_nm2_s=price,
+            start=warm,
+            cancelled=cancelled,
+        )
+        warm = solution.warm
+        times = solution.time_s
+        points.append(TradeOffPoint(price, residual_nm(times), float(times.sum()), times))
+        return points[-1]
+
+    point = at(first)
+    allowed_nm = aim.max_residual_nm
+    if aim.max_time_s is None and allowed_nm is None:
+        floor = at(_FREE * point.rms_nm**2 / point.total_time_s)
+        allowed_nm = (1 + aim.margin) * floor.rms_nm
+
+    def too_dear(point: TradeOffPoint) -> float:
+        """Relative distance to the aim: positive where the price was too high."""
+        if aim.max_time_s is not None:
+            return aim.max_time_s / point.total_time_s - 1
+        return point.rms_nm / (allowed_nm or point.rms_nm) - 1
+
+    for _ in range(_SEARCHES):
+        distances = [too_dear(point) for point in points]
+        if any(-_CLOSE <= distance <= 0 for distance in distances):
+            break
+        at(_next_price([point.price_nm2_s for point in points], distances))
+    chosen = points[0]
+    for point in points:
+        chosen = better(point, chosen, aim, allowed_nm or np.inf)
+    return TradeOff(min(points, key=lambda point: point.rms_nm), chosen)
+
+
+def _next_price(prices: list[float], distances: list[float]) -> float:
+    """Price at which the distance should be just below zero: secant on its logarithm, within one decade."""
+    order = np.argsort(prices)
+    log_price, distance = np.log(np.array(prices))[order], np.array(distances)[order] + 0.5 * _CLOSE
+    above = int(np.searchsorted(distance > 0, True))
+    if log_price.size == 1 or above in {0, log_price.size}:
+        edge = log_price[0] if above == 0 else log_price[-1]
+        return float(np.exp(edge + (-1.5 if above == 0 else 1.5)))
+    low, high = above - 1, above
+    share = -distance[low] / (distance[high] - distance[low])
+    return float(np.exp(log_price[low] + np.clip(share, 0.05, 0.95) * (log_price[high] - log_price[low])))
