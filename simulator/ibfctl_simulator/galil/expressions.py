@@ -1,4 +1,8 @@
-"""Galil expressions: strictly left to right, parentheses apart, in fixed point of 1/65536."""
+"""Galil expressions: strictly left to right, parentheses apart, in fixed point of 1/65536.
+
+A text is parsed once into a function of what it names and then kept: programs evaluate the same
+conditions over and over.
+"""
 
 from __future__ import annotations
 
@@ -62,14 +66,21 @@ def evaluate(text: str, values: Values) -> float:
         4 for a malformed expression, 9 for an unknown variable, 57 for an unknown function, 58 for an
         unknown operand, 59 for unbalanced parentheses, 6 for a result that does not fit.
     """
-    parser = _Parser(_tokens(text), values)
-    value = parser.expression(0)
+    return _compiled(text)(values)
+
+
+Evaluation = Callable[[Values], float]
+
+
+@lru_cache(maxsize=4096)
+def _compiled(text: str) -> Evaluation:
+    parser = _Parser(_tokens(text))
+    evaluation = parser.expression(0)
     parser.expect_end()
-    return value
+    return evaluation
 
 
-@lru_cache(maxsize=1024)
-def _tokens(text: str) -> tuple[tuple[str, str], ...]:
+def _tokens(text: str) -> list[tuple[str, str]]:
     tokens: list[tuple[str, str]] = []
     position, text = 0, text.rstrip()
     while position < len(text):
@@ -78,31 +89,29 @@ def _tokens(text: str) -> tuple[tuple[str, str], ...]:
             raise CommandError(errors.OPERAND)
         tokens.append((match.lastgroup, match[match.lastgroup]))
         position = match.end()
-    return tuple(tokens)
+    return tokens
 
 
 class _Parser:
-    def __init__(self, tokens: tuple[tuple[str, str], ...], values: Values) -> None:
+    """Turns tokens into a function of what they name."""
+
+    def __init__(self, tokens: list[tuple[str, str]]) -> None:
         self._tokens = tokens
         self._next = 0
-        self._values = values
 
     def expect_end(self) -> None:
         if self._next < len(self._tokens):
             bracket = self._tokens[self._next][1] in ("(", ")")
             raise CommandError(errors.BAD_PARENTHESES if bracket else errors.OPERAND)
 
-    def expression(self, depth: int) -> float:
+    def expression(self, depth: int) -> Evaluation:
         if depth > DEEPEST:
             raise CommandError(errors.BAD_PARENTHESES)
-        value = self._factor(depth)
-        while self._next < len(self._tokens):
-            sign = self._tokens[self._next][1]
-            if sign not in _OPERATORS:
-                break
-            self._next += 1
-            value = fixed(_OPERATORS[sign](value, self._factor(depth)))
-        return value
+        evaluation = self._factor(depth)
+        while self._next < len(self._tokens) and self._tokens[self._next][1] in _OPERATORS:
+            operator = _OPERATORS[self._take()[1]]
+            evaluation = _joined(operator, evaluation, self._factor(depth))
+        return evaluation
 
     def _take(self) -> tuple[str, str]:
         if self._next >= len(self._tokens):
@@ -114,42 +123,45 @@ class _Parser:
         if self._next >= len(self._tokens) or self._take()[1] != bracket:
             raise CommandError(errors.BAD_PARENTHESES)
 
-    def _factor(self, depth: int) -> float:
+    def _factor(self, depth: int) -> Evaluation:
+        if depth > DEEPEST:
+            raise CommandError(errors.OPERAND)
         kind, text = self._take()
         if kind == "number":
-            return fixed(_number(text))
+            number = fixed(_number(text))
+            return lambda values: number
         if kind == "operand":
-            return self._values.operand(text[1:])
+            return lambda values: values.operand(text[1:])
         if kind == "function":
             argument = self.expression(depth + 1)
             self._closing("]")
-            return fixed(self._values.function(text[1:-1], argument))
+            return lambda values: fixed(values.function(text[1:-1], argument(values)))
         if kind == "name":
             return self._named(text, depth)
         if text == "-":
-            return fixed(-self._factor_below(depth))
+            factor = self._factor(depth + 1)
+            return lambda values: fixed(-factor(values))
         if text == "+":
-            return self._factor_below(depth)
+            return self._factor(depth + 1)
         if text == "(":
-            value = self.expression(depth + 1)
+            inner = self.expression(depth + 1)
             self._closing(")")
-            return value
+            return inner
         raise CommandError(errors.BAD_PARENTHESES if text == ")" else errors.OPERAND)
 
-    def _factor_below(self, depth: int) -> float:
-        if depth > DEEPEST:
-            raise CommandError(errors.OPERAND)
-        return self._factor(depth + 1)
-
-    def _named(self, name: str, depth: int) -> float:
+    def _named(self, name: str, depth: int) -> Evaluation:
         if self._next < len(self._tokens) and self._tokens[self._next][1] == "[":
             self._next += 1
             index = self.expression(depth + 1)
             self._closing("]")
-            return self._values.element(name, index)
+            return lambda values: values.element(name, index(values))
         if name == "TIME":
-            return self._values.operand(name)
-        return self._values.variable(name)
+            return lambda values: values.operand(name)
+        return lambda values: values.variable(name)
+
+
+def _joined(operator: Callable[[float, float], float], left: Evaluation, right: Evaluation) -> Evaluation:
+    return lambda values: operator(left(values), right(values))
 
 
 def _number(text: str) -> float:
@@ -164,19 +176,19 @@ def _number(text: str) -> float:
 def _divide(left: float, right: float) -> float:
     if right == 0.0:
         raise CommandError(errors.OUT_OF_RANGE)
-    return left / right
+    return fixed(left / right)
 
 
 def _remainder(left: float, right: float) -> float:
     if right == 0.0:
         raise CommandError(errors.OUT_OF_RANGE)
-    return math.fmod(left, right)
+    return fixed(math.fmod(left, right))
 
 
 _OPERATORS: dict[str, Callable[[float, float], float]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
+    "+": lambda a, b: fixed(a + b),
+    "-": lambda a, b: fixed(a - b),
+    "*": lambda a, b: fixed(a * b),
     "/": _divide,
     "%": _remainder,
     "&": lambda a, b: float(int(a) & int(b)),

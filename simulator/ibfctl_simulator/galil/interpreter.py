@@ -25,6 +25,7 @@ from ibfctl_simulator.galil.commands import (
 from ibfctl_simulator.galil.commands.request import Download, Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
 from ibfctl_simulator.galil.handles import Handles
+from ibfctl_simulator.galil.operands import ControllerValues
 from ibfctl_simulator.galil.programs.engine import Engine
 from ibfctl_simulator.galil.programs.thread import Thread, Wait
 from ibfctl_simulator.galil.record import RecordPusher
@@ -71,6 +72,7 @@ class Interpreter:
         self._handles = handles
         self._engine = engine
         self._pusher = pusher
+        self._values = ControllerValues(state, engine, handles)
         self._handlers: dict[str, Handler] = {}
         self._known: dict[str, _Call] = {}
         for module in (
@@ -132,8 +134,11 @@ class Interpreter:
         if not call.harmless:
             for axis in self._state.axes:
                 axis.forget()
-        request = Request(self._state, self._handles, self._engine, self._pusher, handle, thread, call.text)
-        return call.handler(request)
+        return call.handler(
+            Request(
+                self._state, self._handles, self._engine, self._pusher, self._values, handle, thread, call.text
+            )
+        )
 
     def _parse(self, command: str) -> _Call:
         name, equals, expression = command.partition("=")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from functools import lru_cache
 
 from ibfctl_simulator.galil import errors
 from ibfctl_simulator.galil.arguments import AXIS_INDEX
@@ -71,39 +72,19 @@ class ControllerValues:
     """Looks up the names of an expression."""
 
     def __init__(self, state: State, engine: Engine, handles: Handles) -> None:
-        self._state = state
-        self._engine = engine
-        self._handles = handles
+        self.state = state
+        self.engine = engine
+        self.handles = handles
 
     def operand(self, name: str) -> float:
         """Value of `_XX`, `_XXA`, `_XXn` (name without the underscore) or `TIME`."""
-        if name in STATE_OPERANDS:
-            return float(STATE_OPERANDS[name](self._state))
-        if name in ENGINE_OPERANDS:
-            return float(ENGINE_OPERANDS[name](self._engine))
-        if name == "CO" and self._state.settings.family == "40x0":
-            return 0.0
-        numbered = _NUMBERED.fullmatch(name)
-        if numbered:
-            return self._numbered(numbered[1], int(numbered[2]))
-        handle = _HANDLE_STATE.fullmatch(name)
-        if handle:
-            return 0.0 if self._handles.get(handle[1]) is None else float(TCP_SLAVE)
-        index = AXIS_INDEX.get(name[2:3] or "A")
-        if index is None or index >= len(self._state.axes) or len(name) > 3:
-            raise CommandError(errors.BAD_OPERAND)
-        axis, kind = self._state.axes[index], name[:2]
-        if kind in AXIS_OPERANDS:
-            return float(AXIS_OPERANDS[kind](axis))
-        if kind in PARAMETERS:
-            return float(axis.parameters[kind])
-        raise CommandError(errors.BAD_OPERAND)
+        return float(_lookup(name)(self))
 
     def variable(self, name: str) -> float:
         """Value of a user variable."""
-        if name not in self._state.variables:
+        if name not in self.state.variables:
             raise CommandError(errors.UNKNOWN_VARIABLE)
-        return self._state.variables[name]
+        return self.state.variables[name]
 
     def function(self, name: str, argument: float) -> float:
         """Value of `@NAME[argument]`."""
@@ -112,34 +93,88 @@ class ControllerValues:
             return FUNCTIONS[name](argument)
         if name == "OUT":
             # A client that uses no output asks for number -1.
-            return 0.0 if number == -1 else self._state.output(_within(number, OUTPUTS))
+            return 0.0 if number == -1 else self.state.output(_within(number, OUTPUTS))
         if name == "IN":
-            return self._state.input(_within(number, INPUTS))
+            return self.state.input(_within(number, INPUTS))
         if name == "AN":
-            return self._state.analog_inputs[_within(number, ANALOG_INPUTS) - 1]
+            return self.state.analog_inputs[_within(number, ANALOG_INPUTS) - 1]
         if name == "AO":
-            return self._state.analog_outputs[_within(number, ANALOG_INPUTS) - 1]
+            return self.state.analog_outputs[_within(number, ANALOG_INPUTS) - 1]
         raise CommandError(errors.BAD_FUNCTION)
 
     def element(self, name: str, index: float) -> float:
         """Value of an array element; its size for index -1."""
-        elements = self._state.arrays.get(name)
+        elements = self.state.arrays.get(name)
         if elements is None:
             raise CommandError(errors.BAD_FUNCTION)
         return float(len(elements)) if index == -1 else elements[element_index(elements, index)]
 
-    def _numbered(self, kind: str, number: int) -> float:
-        if kind in ("XQ", "HX"):
-            if number >= THREADS:
-                raise CommandError(errors.BAD_OPERAND)
-            if kind == "XQ":
-                return float(self._engine.line_of(number))
-            thread = self._engine.threads[number]
-            return 0.0 if thread is None else 1.0 if thread.wait is None else 2.0
-        values = self._state.configuration if kind == "CN" else [0.0, *self._state.analog_kinds]
-        if number >= len(values):
+
+Lookup = Callable[[ControllerValues], float]
+
+
+@lru_cache(maxsize=4096)
+def _lookup(name: str) -> Lookup:
+    """How the value of an operand is found."""
+    if name in STATE_OPERANDS:
+        of_state = STATE_OPERANDS[name]
+        return lambda values: of_state(values.state)
+    if name in ENGINE_OPERANDS:
+        of_engine = ENGINE_OPERANDS[name]
+        return lambda values: of_engine(values.engine)
+    if name == "CO":
+        return _extended_io
+    numbered = _NUMBERED.fullmatch(name)
+    if numbered:
+        kind, number = numbered[1], int(numbered[2])
+        return lambda values: _numbered(values, kind, number)
+    handle = _HANDLE_STATE.fullmatch(name)
+    if handle:
+        letter = handle[1]
+        return lambda values: 0 if values.handles.get(letter) is None else TCP_SLAVE
+    return _axis_lookup(name)
+
+
+def _axis_lookup(name: str) -> Lookup:
+    index, kind = AXIS_INDEX.get(name[2:3] or "A"), name[:2]
+    read = AXIS_OPERANDS.get(kind)
+    if read is None and kind in PARAMETERS:
+        read = _parameter_reader(kind)
+    if index is None or read is None or len(name) > 3:
+        raise CommandError(errors.BAD_OPERAND)
+    place, of_axis = index, read
+
+    def look_up(values: ControllerValues) -> float:
+        axes = values.state.axes
+        if place >= len(axes):
             raise CommandError(errors.BAD_OPERAND)
-        return values[number]
+        return of_axis(axes[place])
+
+    return look_up
+
+
+def _parameter_reader(name: str) -> Callable[[Axis], float]:
+    return lambda axis: axis.parameters[name]
+
+
+def _extended_io(values: ControllerValues) -> float:
+    if values.state.settings.family != "40x0":
+        raise CommandError(errors.BAD_OPERAND)
+    return 0.0
+
+
+def _numbered(values: ControllerValues, kind: str, number: int) -> float:
+    if kind in ("XQ", "HX"):
+        if number >= THREADS:
+            raise CommandError(errors.BAD_OPERAND)
+        if kind == "XQ":
+            return values.engine.line_of(number)
+        thread = values.engine.threads[number]
+        return 0 if thread is None else 1 if thread.wait is None else 2
+    stored = values.state.configuration if kind == "CN" else [0.0, *values.state.analog_kinds]
+    if number >= len(stored):
+        raise CommandError(errors.BAD_OPERAND)
+    return stored[number]
 
 
 def element_index(elements: list[float], index: float) -> int:

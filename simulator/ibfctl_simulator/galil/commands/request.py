@@ -27,6 +27,8 @@ class Request(NamedTuple):
 
     Attributes
     ----------
+    values
+        What expressions can name.
     handle
         Letter of the Ethernet handle that sent it; empty for a program.
     thread
@@ -37,14 +39,10 @@ class Request(NamedTuple):
     handles: Handles
     engine: Engine
     pusher: RecordPusher
+    values: ControllerValues
     handle: str
     thread: Thread | None
     text: str
-
-    @property
-    def values(self) -> ControllerValues:
-        """What expressions can name."""
-        return ControllerValues(self.state, self.engine, self.handles)
 
     def value(self, text: str) -> float:
         """Return the value of a number or expression."""

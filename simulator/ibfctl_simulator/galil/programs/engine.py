@@ -115,10 +115,21 @@ class Engine:
             ready = [thread for thread in self.running if self._ready(thread)]
             if not ready:
                 return
+            if len(ready) == 1:
+                budget -= self._run_alone(ready[0], execute, budget)
+                continue
             for thread in ready[:budget]:
                 if self.threads[thread.number] is thread:
                     self._step(thread, execute)
             budget -= len(ready)
+
+    def _run_alone(self, thread: Thread, execute: Execute, budget: int) -> int:
+        """Run the only ready thread until it waits or ends or the budget is used up; return what was used."""
+        used = 0
+        while used < budget and thread.wait is None and self.threads[thread.number] is thread:
+            self._step(thread, execute)
+            used += 1
+        return used
 
     def _ready(self, thread: Thread) -> bool:
         if thread.wait is not None and thread.wait.done():
