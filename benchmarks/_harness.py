@@ -45,7 +45,8 @@ def run(name: str) -> dict[str, Any]:
     if unknown:
         raise KeyError(f"benchmark {name}: targets without a metric: {', '.join(unknown)}")
     passed = all(meets(metrics[metric], target) for metric, target in targets.items())
-    return result | {"metrics": metrics, "targets": targets, "passed": passed}
+    peers = {"peers": outcome["peers"]} if "peers" in outcome else {}
+    return result | {"metrics": metrics, "targets": targets, "passed": passed} | peers
 
 
 def meets(value: float, target: dict[str, float]) -> bool:
