@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from ibfctl_simulator.galil.pvt import PvtBuffer, PvtProfile, Segment
 
@@ -36,6 +36,7 @@ def exact_positions(segments: list[Segment], start: int) -> list[Fraction]:
 @given(
     segments=SEGMENTS, start=st.integers(-1_000_000, 1_000_000), cuts=st.lists(st.integers(1, 500), max_size=20)
 )
+@settings(deadline=None)
 def test_every_sample_is_within_half_a_count_of_the_analytic_cubic(segments, start, cuts):
     buffer = PvtBuffer(255)
     buffer.waiting.extend([*segments, Segment(0, 0, 0)])

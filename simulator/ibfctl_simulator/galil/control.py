@@ -104,6 +104,7 @@ def _reset(emulator: Emulator, handle: str) -> None:
     for open_handle in emulator.controller.handles.all():
         if handle in (ALL, open_handle.letter):
             open_handle.reset()
+            emulator.controller.lost(open_handle.letter)
 
 
 def _skew(emulator: Emulator, axis: str, segments: int) -> None:

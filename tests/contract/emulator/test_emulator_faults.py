@@ -12,22 +12,24 @@ from ibfctl_simulator.galil.control import COMMANDS
 def test_delayed_replies_come_late_complete_and_in_order(server, connect):
     slow, quick = connect(), connect()
     assert slow.ask("WH\r") == "IHA\r\n:"
-    server.fault("delay seconds=0.1 handle=A")
+    server.fault("delay seconds=0.3 handle=A")
     begin = time.monotonic()
     assert slow.ask("MG 1\rMG 2\rMG 3\r", 3) == " 1.0000\r\n: 2.0000\r\n: 3.0000\r\n:"
-    assert time.monotonic() - begin >= 0.1
+    assert time.monotonic() - begin >= 0.3
     begin = time.monotonic()
     quick.ask("MG 1\r")
-    assert time.monotonic() - begin < 0.1
+    assert time.monotonic() - begin < 0.3
 
 
 def test_a_delay_does_not_slow_the_command_itself(server, client):
-    server.fault("delay seconds=0.2")
+    server.fault("delay seconds=60")
     client.socket.sendall(b"SB 1\r")
     begin = time.monotonic()
     while not server.call(lambda: server.controller.state.output(1)):
-        assert time.monotonic() - begin < 0.2
-    assert client.read() == ":"
+        assert time.monotonic() - begin < 5
+    client.socket.settimeout(0.05)
+    with pytest.raises(TimeoutError):
+        client.socket.recv(1)
 
 
 def test_dropped_replies(server, client):
@@ -81,18 +83,18 @@ def test_a_reset_link(server, connect):
         client.ask("WH\r")
     server.fault("reset handle=B")
     assert clients[1].gone()
-    assert clients[0].ask("MG 1\r") == " 1.0000\r\n:"
+    assert clients[0].ask("TC\r") == "123\r\n:"
 
 
 def test_a_power_cycle_forgets_everything_and_refuses_for_a_while(server, connect):
     client = connect()
     client.ask("SHA;SB 1;x=1\r", 3)
     server.step(100)
-    server.fault("power-cycle seconds=0.1")
+    server.fault("power-cycle seconds=60")
     assert client.gone()
     with pytest.raises(ConnectionError):
         connect().socket.recv(1)
-    time.sleep(0.15)
+    server.fault("power-cycle")
     again = connect()
     assert again.ask("MG @OUT[1],_MOA,TIME\r") == " 0.0000 1.0000 0.0000\r\n:"
     assert again.ask("MG x\r") == "?"

@@ -312,7 +312,15 @@ def test_without_a_console_handle_messages_are_lost(run, heard, console):
 
 
 @pytest.mark.parametrize(
-    ("lines", "code"), [(["x" * 81], 60), (["NO"] * 2001, 60), (["#A", "#A"], 61), ([f"#L{i}" for i in range(511)], 62)]
+    ("lines", "code"),
+    [
+        (["x" * 81], 60),
+        (["NO"] * 2001, 60),
+        (["#A", "#A"], 61),
+        (["#TOOLONGLABEL"], 11),
+        (["#1"], 11),
+        ([f"#L{i}" for i in range(511)], 62),
+    ],
 )
 def test_programs_that_do_not_fit(lines, code):
     with pytest.raises(CommandError) as caught:

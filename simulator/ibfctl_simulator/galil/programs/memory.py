@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,6 +12,8 @@ from ibfctl_simulator.galil.errors import CommandError
 LONGEST_LINE = 80
 MOST_LINES = 2000
 MOST_LABELS = 510
+
+_LABEL = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,7}")
 
 
 class Statement(NamedTuple):
@@ -33,7 +36,7 @@ class Program:
     Raises
     ------
     CommandError
-        60 for a line that is too long or for too many lines, 61 and 62 for duplicate or too many labels.
+        60 for a line that is too long or for too many lines, 11, 61 and 62 for bad, duplicate or too many labels.
     """
 
     def __init__(self, lines: Sequence[str] = ()) -> None:
@@ -48,6 +51,8 @@ class Program:
             statements = _statements(line)
             if statements and statements[0].startswith("#"):
                 label = statements.pop(0)[1:].strip()
+                if not _LABEL.fullmatch(label):
+                    raise CommandError(errors.BAD_LINE)
                 if label in self.labels:
                     raise CommandError(errors.DUPLICATE_LABEL)
                 self.labels[label] = number
