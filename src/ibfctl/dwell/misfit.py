@@ -57,9 +57,13 @@ class Misfit:
 
     def adjoint(self, values: FloatArray) -> FloatArray:
         """Adjoint of `of`: (ny, nx) from (m,)."""
-        spread = np.zeros(self.mask.shape)
-        spread[self.mask] = self.levelling(values) * self.root_weight
-        return spread
+        return self.spread(self.levelling(values))
+
+    def spread(self, levelled: FloatArray) -> FloatArray:
+        """The same for values (m,) that are levelled already, as a residual is."""
+        result = np.zeros(self.mask.shape)
+        result[self.mask] = levelled * self.root_weight
+        return result
 
 
 def full_width_mm(influence: InfluenceFunction) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ibfctl.dwell.deposition import Grid
 from ibfctl.dwell.misfit import full_width_mm
-from ibfctl.dwell.operator import RemovalOperator, removal_of_samples
+from ibfctl.dwell.operator import Precision, RemovalOperator, removal_of_samples
 from ibfctl.machine.program import IntArray, PvtProgram
 from ibfctl.surface.influence import InfluenceFunction
 
@@ -80,6 +80,7 @@ def executed_operator(
     grid: Grid,
     influence: InfluenceFunction,
     points: int | None = None,
+    precision: Precision = np.float64,
 ) -> RemovalOperator:
     """Removal operator from the times of the path's segments, spent along the executed cubics.
 
@@ -97,4 +98,4 @@ def executed_operator(
     share = motion.time_s / total_s[source_segment][:, None]
     pieces = np.bincount(source_segment, minlength=segments)
     first = np.concatenate([[0], np.cumsum(pieces)]) * motion.time_s.shape[1]
-    return RemovalOperator(grid, influence, motion.x_mm.ravel(), motion.y_mm.ravel(), share.ravel(), first)
+    return RemovalOperator(grid, influence, motion.x_mm.ravel(), motion.y_mm.ravel(), share.ravel(), first, precision)

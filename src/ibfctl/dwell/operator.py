@@ -16,6 +16,7 @@ from ibfctl.dwell.deposition import Grid, deposition_matrix, grid_around, spread
 from ibfctl.surface.influence import InfluenceFunction
 
 FloatArray = NDArray[np.float64]
+Precision = type[np.float64] | type[np.float32]
 
 # Below this size a second thread costs more than it saves.
 _THREADED_PIXELS = 1 << 17
@@ -32,9 +33,13 @@ class Convolution:
         Grid on which time is deposited; same pitch and phase as `target`.
     influence
         Influence function; resampled to the pitch of the grids.
+    precision
+        Of the transforms: single where a descent only needs a direction.
     """
 
-    def __init__(self, target: Grid, source: Grid, influence: InfluenceFunction) -> None:
+    def __init__(
+        self, target: Grid, source: Grid, influence: InfluenceFunction, precision: Precision = np.float64
+    ) -> None:
         kernel = influence.resampled(target.pixel_mm).rate_nm_s
         half = kernel.shape[0] // 2, kernel.shape[1] // 2
         offset = (
@@ -55,7 +60,8 @@ class Convolution:
             for reach, shift, length in zip(half, offset, self._shape, strict=True)
         )
         padded[np.ix_(rows, columns)] = kernel
-        self._transfer = fft.rfft2(padded, workers=self._workers)
+        self._precision = precision
+        self._transfer = fft.rfft2(padded.astype(precision), workers=self._workers)
         self._reverse = np.conj(self._transfer)
 
     def __call__(self, time_s: FloatArray) -> FloatArray:
@@ -67,7 +73,7 @@ class Convolution:
         return self._filtered(values, self._reverse)[: self._source_shape[0], : self._source_shape[1]]
 
     def _filtered(self, values: FloatArray, transfer: NDArray[np.complex128]) -> FloatArray:
-        spectrum = fft.rfft2(values, self._shape, workers=self._workers)
+        spectrum = fft.rfft2(values.astype(self._precision, copy=False), self._shape, workers=self._workers)
         spectrum *= transfer
         return np.asarray(fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True))
 
@@ -93,6 +99,8 @@ class RemovalOperator:
         Share of its step's time that is spent at each point; all of it by default.
     first_point : (n + 1,) int64, optional
         Step i owns the points from `first_point[i]` up to `first_point[i + 1]`; one each by default.
+    precision
+        Of the transforms, see `Convolution`.
     """
 
     def __init__(
@@ -103,13 +111,14 @@ class RemovalOperator:
         y_mm: FloatArray,
         share: FloatArray | None = None,
         first_point: NDArray[np.int64] | None = None,
+        precision: Precision = np.float64,
     ) -> None:
         if share is None:
             share = np.ones(x_mm.size)
         if first_point is None:
             first_point = np.arange(x_mm.size + 1)
         self.source = grid_around(target, x_mm, y_mm)
-        self.convolution = Convolution(target, self.source, influence)
+        self.convolution = Convolution(target, self.source, influence, precision)
         self.gather = deposition_matrix(self.source, x_mm, y_mm, share, first_point)
 
     @property

@@ -59,8 +59,8 @@ class DwellProblem:
         return float(np.linalg.norm(self.residual(time_s)))
 
     def descent(self, residual: FloatArray) -> FloatArray:
-        """Negative gradient (n,) of half the squared norm of `residual`."""
-        return self.operator.adjoint(self.misfit.adjoint(residual))
+        """Negative gradient (n,) of half the squared norm of a levelled `residual` (m,)."""
+        return self.operator.adjoint(self.misfit.spread(residual))
 
     def roughness(self, time_s: FloatArray) -> FloatArray:
         """Gradient (n,) of half the squared changes along the path, divided by four: its curvature is at most one."""

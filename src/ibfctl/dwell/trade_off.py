@@ -28,9 +28,9 @@ Residual = Callable[[FloatArray], float]
 class Effort:
     """How long to search: iterations to the floor, then rounds of steering the price."""
 
-    floor_iterations: int = 800
-    rounds: int = 24
-    iterations_per_round: int = 40
+    floor_iterations: int = 500
+    rounds: int = 20
+    iterations_per_round: int = 25
 
 
 def aim_at(

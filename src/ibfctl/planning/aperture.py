@@ -48,6 +48,12 @@ def bounding_box(surface: SurfaceMap, mask: NDArray[np.bool_]) -> Rectangle:
     return Rectangle(float(x[0] - half), float(x[-1] + half), float(y[0] - half), float(y[-1] + half))
 
 
+def pixels_of(surface: SurfaceMap, mask: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Coordinates x and y, (m,) each, of the pixels of `mask` (ny, nx)."""
+    rows, columns = np.nonzero(mask)
+    return surface.x_mm[columns], surface.y_mm[rows]
+
+
 def grown(area: Rectangle, by_mm: float) -> Rectangle:
     """`area` with a margin on all sides."""
     return Rectangle(area.x0_mm - by_mm, area.x1_mm + by_mm, area.y0_mm - by_mm, area.y1_mm + by_mm)

@@ -20,13 +20,13 @@ from ibfctl.schedule.scheduler import PvtSchedule, schedule
 
 FloatArray = NDArray[np.float64]
 
-MAX_ROUNDS = 6
+MAX_ROUNDS = 8
 ITERATIONS = 120
 LINE_SEARCH = (1.0, 0.5, 0.25)
 # A round that gains less than this share of the residual is the last.
 WORTHWHILE = 0.01
 # A round may not cost more time than this share.
-TIME_SLACK = 0.002
+TIME_SLACK = 0.005
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,12 @@ def _corrected(
     """Times (n,) that are best on the removal operator of the present program."""
     scheduled = present.scheduled
     operator = executed_operator(
-        scheduled.program, scheduled.source_segment, job.path.segments, job.misfit.grid, job.misfit.influence
+        scheduled.program,
+        scheduled.source_segment,
+        job.path.segments,
+        job.misfit.grid,
+        job.misfit.influence,
+        precision=np.float32,
     )
     # Where the limits asked for more time than wanted, less is no use.
     given_s = scheduled.segment_time_s

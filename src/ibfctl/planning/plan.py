@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import PvtProgram
+from ibfctl.path.figures import PathFigures, path_figures
 from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.aperture import pixels_of
 from ibfctl.planning.options import PlanOptions
 from ibfctl.schedule.certificate import Certificate, axis_cubics
 from ibfctl.surface.influence import InfluenceFunction
@@ -142,12 +144,19 @@ class Plan:
             "total_time_s": self.program.total_time_s,
             "nodes": int(self.path.x_mm.size),
             "segments": len(self.program),
+            "path": asdict(self.path_figures()),
             "peak_velocity_mm_s": {letter: peak[0] for letter, peak in self.peaks().items()},
             "peak_acceleration_mm_s2": {letter: peak[1] for letter, peak in self.peaks().items()},
             "certificate": self.certificate.summary(),
             "rounds": [asdict(round_) for round_ in self.rounds],
             "planning_time_s": self.planning_time_s,
         }
+
+    def path_figures(self) -> PathFigures:
+        """Figures of the path over the clear aperture, where there is one."""
+        if self.surface is None or self.prediction is None:
+            return path_figures(self.path)
+        return path_figures(self.path, pixels_of(self.surface, self.prediction.clear_aperture))
 
     def peaks(self) -> dict[str, tuple[float, float]]:
         """Peak speed in mm/s and peak acceleration in mm/s² by axis letter, from the program's integers."""
