@@ -12,7 +12,6 @@ so that s(1) = p and ds/dt(1) = v exactly.
 from __future__ import annotations
 
 from collections import deque
-from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -134,7 +133,7 @@ class PvtProfile:
         needed = self._taken + samples
         chosen = [] if self._active is None else [self._active]
         covered = sum(segment.time_samples for segment in chosen)
-        for segment in islice(self._buffer.waiting, None):
+        for segment in self._buffer.waiting:
             if covered >= needed or segment.time_samples == 0:
                 break
             chosen.append(segment)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from ibfctl_simulator.galil import errors
@@ -112,8 +113,8 @@ def _distance(axis: Axis) -> float:
 def _move(axis: Axis, distance: float) -> list[tuple[float, float]]:
     parameters = axis.parameters
     speed = parameters["SP"]
-    if speed == 0.0:
-        return []
+    if speed == 0.0:  # begins, and gets nowhere until it is stopped
+        return [(math.inf, 0.0)]
     return move_phases(distance, axis.velocity_counts_s, speed, parameters["AC"], parameters["DC"])
 
 

@@ -242,3 +242,11 @@ def test_an_axis_that_the_model_lacks_can_have_another_error(make_console):
 def test_a_contour_needs_the_motor(console):
     console.good("MOB")
     assert console.code("CM AB") == 20
+
+
+def test_a_move_at_no_speed_gets_nowhere_until_it_is_stopped(console):
+    console.good("SPA=0", "PAA=100", "BGA")
+    console.controller.advance(5000)
+    assert (console("TPA"), console.number("_BGA")) == ("0\r\n:", 1)
+    console.good("STA")
+    assert (console("TPA"), console.number("_BGA"), console("SCA")) == ("0\r\n:", 0, "4\r\n:")
