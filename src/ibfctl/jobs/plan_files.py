@@ -14,6 +14,8 @@ from ibfctl.planning.file import write_plan
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.planner import make_plan, schedule_nodes
+from ibfctl.surface.influence import InfluenceFunction
+from ibfctl.surface.map import SurfaceMap
 from ibfctl.surface.readers import read_influence, read_map
 from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX
 
@@ -29,6 +31,10 @@ class MapFile:
     unit: str | None = None
     array: str | None = None
 
+    def read(self) -> SurfaceMap:
+        """Read the map."""
+        return read_map(self.path, pixel_mm=self.pixel_mm, height_unit=self.unit, array=self.array)
+
 
 @dataclass(frozen=True)
 class InfluenceFile:
@@ -37,6 +43,10 @@ class InfluenceFile:
     spec: str
     pixel_mm: float | None = None
     unit: str | None = None
+
+    def read(self) -> InfluenceFunction:
+        """Read the influence function."""
+        return read_influence(self.spec, pixel_mm=self.pixel_mm, rate_unit=self.unit)
 
 
 def plan_files(
@@ -56,8 +66,7 @@ def plan_files(
     InputError, LimitsError, SolverError, CancelledError
         As `make_plan` and the readers do; nothing is written then.
     """
-    surface_map = read_map(surface.path, pixel_mm=surface.pixel_mm, height_unit=surface.unit, array=surface.array)
-    tool = read_influence(influence.spec, pixel_mm=influence.pixel_mm, rate_unit=influence.unit)
+    surface_map, tool = surface.read(), influence.read()
     inputs = {
         "map": hashed(surface.path),
         "influence": hashed(influence.spec),

@@ -10,20 +10,22 @@ from pathlib import Path
 import h5py
 
 from ibfctl import __version__
-from ibfctl.jobs.atomic import atomic_path
+from ibfctl.errors import InputError
+from ibfctl.hdf5 import new_file
 from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.runs.outcome import RunOutcome
 from ibfctl.runs.trace import RunTrace
 
 FORMAT = "ibfctl-run/1"
+_FIGURES = ("rms_nm", "pv_nm", "max_difference_nm", "rms_difference_nm")
 
 
 def write_run(
     path: Path, plan: Plan, plan_file: InputFile, outcome: RunOutcome, trace: RunTrace, as_run: AsRun | None
 ) -> None:
     """Write a run file, completely or not at all."""
-    with atomic_path(path) as partial, h5py.File(partial, "w") as file:
+    with new_file(path) as file:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = __version__
         file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
@@ -46,10 +48,30 @@ def write_run(
         if as_run is not None and plan.surface is not None:
             group = file.create_group("as_run")
             group.attrs.update(pixel_mm=plan.surface.pixel_mm, x0_mm=plan.surface.x0_mm, y0_mm=plan.surface.y0_mm)
-            group.attrs.update(rms_nm=as_run.rms_nm, pv_nm=as_run.pv_nm)
-            group.attrs.update(max_difference_nm=as_run.max_difference_nm, rms_difference_nm=as_run.rms_difference_nm)
+            group.attrs.update({name: getattr(as_run, name) for name in _FIGURES})
             _table(group, "removal_nm", as_run.removal_nm)
             _table(group, "residual_nm", as_run.residual_nm)
+
+
+def read_as_run(path: Path) -> AsRun | None:
+    """Read what a run has removed; None where its plan had no map.
+
+    Raises
+    ------
+    InputError
+        If the file is no run file.
+    """
+    try:
+        with h5py.File(path) as file:
+            if file.attrs.get("format") != FORMAT:
+                raise InputError(f"run file {path}: not a run of this version", "run the plan again")
+            if "as_run" not in file:
+                return None
+            group = file["as_run"]
+            figures = {name: float(group.attrs[name]) for name in _FIGURES}
+            return AsRun(group["removal_nm"][:], group["residual_nm"][:], **figures)
+    except (OSError, KeyError) as error:
+        raise InputError(f"run file {path}: cannot be read ({error})", "run the plan again") from error
 
 
 def _table(group: h5py.Group, name: str, values: object) -> None:

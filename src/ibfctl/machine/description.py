@@ -20,7 +20,7 @@ AxisLetter = Literal["A", "B", "C", "D", "E", "F", "G", "H"]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Axis(_Section):
@@ -67,11 +67,13 @@ class BeamGate(_Section):
 
 
 class Connection(_Section):
-    """Where the controller listens, and how long a reply may take."""
+    """Where the controller listens, and how long a reply may take; a serial port takes the place of host and port."""
 
     driver: str = "galil"
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=1, le=65535)] = 23
+    serial: str | None = None
+    baud: Annotated[int, Field(ge=9600, le=921_600)] = 115_200
     timeout_s: Positive = 2.0
 
 

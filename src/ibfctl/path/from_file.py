@@ -48,8 +48,8 @@ def read_columns(path: Path, names: tuple[str, ...]) -> tuple[FloatArray, ...]:
                     values.append(_numbers(row, places, path, rows.line_num))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read ({error})", "give a CSV file in UTF-8") from error
-    if not values:
-        raise InputError(f"{path}: holds no rows", "give at least two nodes")
+    if len(values) < 2:
+        raise InputError(f"{path}: holds {len(values)} rows", "give at least two nodes")
     return tuple(np.array(values, dtype=np.float64).T.copy())
 
 

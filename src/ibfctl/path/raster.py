@@ -36,6 +36,11 @@ def raster(area: Rectangle, pitch_mm: float, step_mm: float, scan_axis: Literal[
     else:
         along = _centred(area.y0_mm, area.y1_mm, step_mm)
         across = _centred(area.x0_mm, area.x1_mm, pitch_mm)
+    if along.size * across.size > MAX_NODES:
+        raise InputError(
+            f"raster: {across.size} lines of {along.size} nodes are more than {MAX_NODES} nodes",
+            "choose a larger pitch or step; both are in mm",
+        )
     lines = np.tile(along, (across.size, 1))
     lines[1::2] = along[::-1]
     walked, stepped = lines.ravel(), np.repeat(across, along.size)

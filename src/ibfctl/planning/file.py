@@ -27,7 +27,6 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 import h5py
 import numpy as np
@@ -35,6 +34,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ibfctl import __version__
 from ibfctl.errors import InputError
+from ibfctl.hdf5 import new_file
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import AxisProgram, PvtProgram
 from ibfctl.path.tool_path import ToolPath
@@ -58,24 +58,10 @@ def write_plan(plan: Plan, path: Path) -> None:
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        If the file cannot be written.
     """
-    try:
-        with NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as temporary:
-            partial = Path(temporary.name)
-    except OSError as error:
-        raise InputError(
-            f"plan file {path}: cannot be written ({error})", "choose a folder you may write to"
-        ) from error
-    try:
-        with h5py.File(partial, "w") as file:
-            _fill(file, plan)
-        partial.chmod(0o644)
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"plan file {path}: cannot be written ({error})", "check space and permissions") from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with new_file(path) as file:
+        _fill(file, plan)
 
 
 def _fill(file: h5py.File, plan: Plan) -> None:

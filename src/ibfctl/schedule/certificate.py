@@ -17,6 +17,7 @@ from ibfctl.machine.program import (
     MAX_SEGMENT_SAMPLES,
     MAX_VELOCITY_COUNTS_S,
     AxisProgram,
+    IntArray,
     PvtProgram,
 )
 from ibfctl.path.tool_path import ToolPath
@@ -66,7 +67,12 @@ def axis_cubics(program: PvtProgram, axis: AxisProgram) -> Cubics:
 
 
 def certify(
-    program: PvtProgram, machine: MachineDescription, path: ToolPath, total_time_s: float, corridor_mm: float
+    program: PvtProgram,
+    machine: MachineDescription,
+    path: ToolPath,
+    time_s: FloatArray,
+    source_segment: IntArray,
+    corridor_mm: float,
 ) -> Certificate:
     """Check a program against the machine and the path it was made for.
 
@@ -74,13 +80,18 @@ def certify(
     ----------
     program
         Integers.
-    path, total_time_s
-        What was asked for: the end must lie within half a count of the last node, the total time within two samples.
+    path, time_s
+        What was asked for: every node must lie within half a count, and be reached within two samples of the sum of
+        the times (n,) of the path's segments.
+    source_segment : (segments of the program,) int64
+        Segment of the path that each segment of the program belongs to.
     corridor_mm
         Largest allowed distance from a segment's chord.
     """
     checks = []
     planar = {}
+    # Node k of the path is where the last piece of its segment k - 1 ends.
+    reached = np.searchsorted(source_segment, np.arange(path.segments + 1))
     for letter, axis in program.axes.items():
         limits = machine.axes[letter]  # type: ignore[index]
         cubics = axis_cubics(program, axis)
@@ -92,17 +103,19 @@ def certify(
         # Without reversal the extremes of the position are at the nodes.
         position_mm = np.concatenate([cubics.start, [axis.end_counts]]) / axis.counts_per_mm
         node_mm = path.x_mm if limits.coordinate == "x" else path.y_mm
-        ends = abs(position_mm[0] - node_mm[0]), abs(position_mm[-1] - node_mm[-1])
+        node_error_mm = np.abs(position_mm[reached] - node_mm)
         checks += [
             Check(f"peak_velocity_mm_s.{letter}", _largest(high, -low) / scale, limits.v_max_mm_s),
             Check(f"peak_acceleration_mm_s2.{letter}", _largest(cubics.peak_acceleration) / scale, limits.a_max_mm_s2),
-            Check(f"reversal_mm_s.{letter}", float(np.maximum(_largest(backwards) / scale, 0.0)), 0.0),
-            Check(f"velocity_of_standing_axis_mm_s.{letter}", _largest(standing) / scale, 0.0),
+            # To a millionth of a count/s: a velocity that just touches zero is no reversal.
+            Check(f"reversal_counts_s.{letter}", round(float(np.maximum(_largest(backwards), 0.0)), 6), 0.0),
+            Check(f"velocity_of_standing_axis_counts_s.{letter}", _largest(standing), 0.0),
             Check(f"velocity_at_end_counts_s.{letter}", float(abs(axis.end_velocity_counts_s[-1])), 0.0),
             # A node on the end of the travel may be rounded to the count beyond it.
             Check(f"below_travel_counts.{letter}", (limits.travel_min_mm - float(position_mm.min())) * scale, 0.5),
             Check(f"above_travel_counts.{letter}", (float(position_mm.max()) - limits.travel_max_mm) * scale, 0.5),
-            Check(f"end_point_error_counts.{letter}", round(float(np.max(ends)) * scale, 6), 0.5),
+            Check(f"node_error_counts.{letter}", round(_largest(node_error_mm) * scale, 6), 0.5),
+            Check(f"scale_mismatch_counts_per_mm.{letter}", abs(axis.counts_per_mm - limits.signed_counts_per_mm), 0.0),
             Check(f"largest_increment_counts.{letter}", _largest(np.abs(move)), MAX_INCREMENT_COUNTS),
             Check(
                 f"largest_velocity_counts_s.{letter}",
@@ -118,13 +131,16 @@ def certify(
             cubics.start_velocity / axis.counts_per_mm, cubics.end_velocity / axis.counts_per_mm, cubics.time_s,
         )  # fmt: skip
     samples = program.time_samples
-    time_error_s = abs(program.total_time_s - total_time_s)
+    period_s = program.sample_period_s
+    elapsed_s = np.concatenate([[0.0], np.cumsum(program.time_s)])[reached]
+    time_error_s = np.abs(elapsed_s - np.concatenate([[0.0], np.cumsum(time_s)]))
     checks += [
         Check("excursion_mm", _largest(excursion(planar["x"], planar["y"])), corridor_mm),
         Check("longest_segment_samples", _largest(samples), MAX_SEGMENT_SAMPLES),
         Check("shortest_segment_below_two_samples", float(np.maximum(2.0 - samples.min(), 0.0)), 0.0),
         Check("odd_segments", float((samples % 2).sum()), 0.0),
-        Check("total_time_error_samples", round(time_error_s / program.sample_period_s, 6), 2.0),
+        Check("node_time_error_samples", round(_largest(time_error_s) / period_s, 6), 2.0),
+        Check("sample_period_mismatch_s", abs(period_s - machine.sample_period_s), 0.0),
     ]
     return Certificate(tuple(checks))
 

@@ -69,7 +69,7 @@ def solve_programme(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> tup
     )
     result = solver.solve(raise_error=False)
     answer = np.zeros(sum(widths))
-    if result.info.status_val in _HAS_ANSWER:
+    if result.info.status_val in _HAS_ANSWER and np.isfinite(result.x).all():
         answer = np.maximum(np.asarray(result.x, dtype=np.float64), 0.0)
     velocities = np.zeros(scales[0].size), np.zeros(scales[1].size)
     velocities[0][tasks[0].free] = answer[: widths[0]]

@@ -115,8 +115,8 @@ def schedule(
     if not stretch and (needed > asked).any():
         raise _times_too_short(path, seconds(needed - asked, machine.sample_period_s))
     program = _program(counted, solution.velocity_mm_s, machine)
-    total_s = float(dwell_s.sum() + (needed - asked).sum() * machine.sample_period_s)
-    certificate = certify(program, machine, path, total_s, corridor_mm)
+    time_s = dwell_s + seconds(needed - asked, machine.sample_period_s)
+    certificate = certify(program, machine, path, time_s, counted.source_segment, corridor_mm)
     if not certificate.passed:
         failed = next(check for check in certificate.checks if not check.passed)
         raise SolverError(

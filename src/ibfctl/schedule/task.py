@@ -94,4 +94,4 @@ def limit_excess(
         cubics.append(segment)
     np.maximum(excess, excursion(*cubics) / corridor_mm - 1, out=excess)
     # Rounding of this arithmetic itself; the certificate repeats it in counts.
-    return np.where(excess > 1e-12, excess, 0.0)
+    return np.where(excess <= 1e-12, 0.0, np.where(np.isnan(excess), np.inf, excess))
