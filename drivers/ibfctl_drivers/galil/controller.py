@@ -1,25 +1,23 @@
-"""The product's port on a Galil controller, over four handles: stream, status, gate and abort."""
+"""The product's port on a Galil controller, over four handles or one serial line."""
 
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Mapping
 
 from ibfctl.errors import ControllerError, LinkError
 from ibfctl.machine.controller import AxisStatus, BufferStatus, ControllerIdentity
-from ibfctl.machine.description import Axis, MachineDescription
+from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import MotionProgram
 from ibfctl_drivers.galil import codec
+from ibfctl_drivers.galil.approach import Approach
+from ibfctl_drivers.galil.axes import AxisReader
 from ibfctl_drivers.galil.clock import sample_period_s
 from ibfctl_drivers.galil.gate import GateOutput
 from ibfctl_drivers.galil.guard import THREAD_RUNS, Guard, guard_lines
+from ibfctl_drivers.galil.handles import handles_to
 from ibfctl_drivers.galil.link import Link, RejectedError
 from ibfctl_drivers.galil.segments import PLACES, SegmentMode, mode_for
-from ibfctl_drivers.galil.transport import TcpTransport
-
-POLL_S = 0.005
-STOPPED_AT_TARGET = 1
 
 _log = logging.getLogger(__name__)
 
@@ -45,14 +43,14 @@ class GalilController:
     """A connected Galil controller; see `ibfctl.machine.controller.MotionController` for the contract.
 
     The handles are opened in the order stream, status, gate, abort. PV lines and begin use the stream
-    handle, questions and all else the status handle; the gate and abort have theirs to themselves.
+    handle, questions and all else the status handle; the gate and abort have theirs to themselves. On a
+    serial line all four are one; an abort then breaks into it, and the line is opened anew.
     """
 
     buffer_places = PLACES
 
     def __init__(self, machine: MachineDescription) -> None:
-        self._machine = machine
-        self._axes: dict[str, Axis] = dict(machine.axes.items())
+        self._handles = handles_to(machine.connection)
         self._letters = "".join(sorted(machine.axes))
         self._free = dict.fromkeys(self._letters, 0)
         self._queued = 0
@@ -64,6 +62,8 @@ class GalilController:
             self._status = self._open("status")
             self._gate = GateOutput(machine.beam_gate, lambda: self._open("gate"))
             self._abort = self._open("abort")
+            self._reader = AxisReader(self._status)
+            self._approach = Approach(machine, self._status, self._reader)
             lines = guard_lines(self._letters, self._gate.close_command, self._gate.closed_condition)
             self._guard = Guard(self._status, lines)
         except BaseException:
@@ -91,43 +91,26 @@ class GalilController:
                 f"controller {text!r} has {model.axes} axes, the machine file uses axis {self._letters[-1]}",
                 "correct the axis letters in the machine file",
             )
-        places = self._ask([f"_PV{letter}" for letter in self._letters])
+        places = self._reader.numbers(f"_PV{letter}" for letter in self._letters)
         if not all(0 <= free <= self.buffer_places for free in places):
             raise ControllerError(f"controller {text!r} has no PVT buffer of {self.buffer_places} places")
         return ControllerIdentity(text, model.axes)
 
     def measure_sample_period_s(self, duration_s: float) -> float:
         """Compare the controller's sample counter with the host's clock over `duration_s`."""
-        return sample_period_s(lambda: self._ask(["TIME"])[0], duration_s)
+        return sample_period_s(lambda: self._reader.numbers(["TIME"])[0], duration_s)
 
     def servo_on(self) -> None:
         """Set the error limit and what follows from it, then switch the servos on."""
-        for letter in self._letters:
-            self._status.tell(f"ER{letter}={self._machine.servo.error_limit_counts}")
-            self._status.tell(f"OE{letter}={self._machine.servo.off_on_error}")
-        self._status.tell(f"SH {self._letters}")
-        if any(self._ask([f"_MO{letter}" for letter in self._letters])):
-            raise ControllerError("a motor stays off after SH", "check amplifier enable and the abort input")
+        self._approach.servo_on()
 
     def servo_off(self) -> None:
         """Switch the servos of the job's axes off."""
-        self._status.tell(f"MO {self._letters}")
+        self._approach.servo_off()
 
     def move_to(self, position_counts: Mapping[str, int]) -> None:
-        """Move to absolute positions at approach speed; a later stop decelerates at the axes' own limit."""
-        servo = self._machine.servo
-        for letter, target in position_counts.items():
-            scale = self._axes[letter].counts_per_mm
-            approach = codec.acceleration(servo.approach_acceleration_mm_s2 * scale)
-            self._status.tell(f"AC{letter}={approach}")
-            self._status.tell(f"DC{letter}={approach}")
-            self._status.tell(f"SP{letter}={codec.speed(servo.approach_speed_mm_s * scale)}")
-            self._status.tell(f"PA{letter}={target}")
-        self._status.tell(f"BG {''.join(position_counts)}")
-        self._await_target(position_counts)
-        for letter in position_counts:
-            axis = self._axes[letter]
-            self._status.tell(f"DC{letter}={codec.acceleration(axis.a_max_mm_s2 * axis.counts_per_mm)}")
+        """Move at approach speed and wait; a later stop decelerates at the axes' own limit."""
+        self._approach.move_to(position_counts)
 
     def start_guard(self, patience_s: float) -> None:
         """Load the guard program, read it back and start it; from now on every poll is a sign of life."""
@@ -176,9 +159,8 @@ class GalilController:
     def buffer_status(self) -> BufferStatus:
         """Poll counts and stop codes of all axes and the guard in one round trip, with a sign of life."""
         letters, counts = self._letters, self._mode.operands()
-        question = codec.message_of([*counts, *(f"_SC{letter}" for letter in letters), THREAD_RUNS])
-        text = self._status.ask(question, after=self._guard.beat())
-        values = codec.parse_integers(text, len(counts) + len(letters) + 1, question)
+        codes = [f"_SC{letter}" for letter in letters]
+        values = self._reader.numbers([*counts, *codes, THREAD_RUNS], after=self._guard.beat())
         executed, free = self._mode.counts(values[: len(counts)], self._queued)
         self._free = dict(zip(letters, free, strict=True))
         return BufferStatus(
@@ -190,7 +172,7 @@ class GalilController:
 
     def status(self) -> Mapping[str, AxisStatus]:
         """Full status of every axis of the job, one round trip per axis."""
-        return {letter: self._axis_status(letter) for letter in self._letters}
+        return {letter: self._reader.status(letter) for letter in self._letters}
 
     def close_gate(self) -> None:
         """Close the gate and read it back, on fresh handles if need be."""
@@ -202,22 +184,16 @@ class GalilController:
 
     def stop(self) -> None:
         """Decelerate all axes of the job to rest and wait until they stand."""
-        self._status.tell(f"ST {self._letters}")
-        deadline = time.monotonic() + self._machine.servo.settle_timeout_s
-        while any(self._ask([f"_BG{letter}" for letter in self._letters])):
-            self._pause(deadline, "stop")
+        self._approach.stop()
 
     def abort(self) -> None:
         """Close the gate and stop without deceleration; the bytes leave before anything is waited for."""
         lines = f"{self._gate.close_command}\rAB\r".encode("ascii")
-        link = self._abort
         try:
-            link.shout(lines)
-            link.heard(prompts=2)
+            self._shout(lines)
         except LinkError:
-            self._abort = link = self._open("abort")
-            link.shout(lines)
-            link.heard(prompts=2)
+            self._abort = self._open("abort")
+            self._shout(lines)
 
     def close(self) -> None:
         """Close all handles; never raises."""
@@ -232,29 +208,20 @@ class GalilController:
         return self._prepared
 
     def _open(self, name: str) -> Link:
-        connection = self._machine.connection
         if self._closed:
             raise LinkError(f"{name} link: the controller has been disconnected", "connect again")
-        try:
-            transport = TcpTransport(connection.host, connection.port, connection.timeout_s)
-        except OSError as error:
-            raise LinkError(
-                f"controller at {connection.host}:{connection.port} cannot be reached ({error})",
-                "check power, network, host and port in the machine file; all handles may be in use",
-            ) from error
-        link = Link(transport, name, connection.timeout_s)
-        self._links.append(link)
+        link = self._handles.open(name)
+        if link not in self._links:
+            self._links.append(link)
         return link
 
-    def _ask(self, operands: list[str]) -> list[int]:
-        question = codec.message_of(operands)
-        return codec.parse_integers(self._status.ask(question), len(operands), question)
-
-    def _axis_status(self, letter: str) -> AxisStatus:
-        operands = ("_TP", "_TE", "_SC", "_BG", "_MO")
-        values = self._ask([f"{operand}{letter}" for operand in operands])
-        position, error, stop_code, moving, off = values
-        return AxisStatus(position, error, stop_code, bool(moving), not off)
+    def _shout(self, lines: bytes) -> None:
+        if self._handles.shared:
+            self._abort.shout(b"\r" + lines)
+            self._abort.abandon("an abort broke into it")
+        else:
+            self._abort.shout(lines)
+            self._abort.heard(prompts=2)
 
     def _take_places(self, places: int) -> None:
         """Book places that the last poll saw free: a PV line is never sent to a full buffer."""
@@ -272,29 +239,3 @@ class GalilController:
             f"controller refused {what}: {reason or 'no reason given'}",
             "the gate is closed; look the code up in the controller's command reference",
         )
-
-    def _await_target(self, position_counts: Mapping[str, int]) -> None:
-        tolerance = self._machine.servo.position_tolerance_counts
-        deadline = time.monotonic() + self._machine.servo.settle_timeout_s
-        while True:
-            axes = {letter: self._axis_status(letter) for letter in position_counts}
-            if not any(axis.moving for axis in axes.values()):
-                for letter, axis in axes.items():
-                    if axis.stop_code != STOPPED_AT_TARGET or not axis.motor_on:
-                        raise ControllerError(
-                            f"axis {letter} stopped with code {axis.stop_code} before it reached "
-                            f"{position_counts[letter]} counts",
-                            "check limit switches, amplifier and position error",
-                        )
-                errors = [axes[letter].position_counts - target for letter, target in position_counts.items()]
-                if all(abs(error) <= tolerance for error in errors):
-                    return
-            self._pause(deadline, f"reach {dict(position_counts)} counts")
-
-    def _pause(self, deadline: float, what: str) -> None:
-        if time.monotonic() > deadline:
-            raise ControllerError(
-                f"axes did not {what} within {self._machine.servo.settle_timeout_s:g} s",
-                "check limits, amplifiers and servo tuning; settle_timeout_s is in the machine file",
-            )
-        time.sleep(POLL_S)

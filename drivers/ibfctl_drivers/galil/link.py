@@ -160,6 +160,10 @@ class Link:
         if not all(accepted):
             raise RejectedError("controller refused to abort", "use the emergency stop")
 
+    def abandon(self, reason: str) -> None:
+        """Let nobody use this link any more, though its transport stays open until `close`; waits for no lock."""
+        self._closed_because = self._closed_because or reason
+
     def _request(self, command: str, *, with_data: bool, after: str | None) -> str:
         with self._lock:
             text, accepted = self._exchange(command, after)

@@ -1,4 +1,4 @@
-"""How bytes travel to a controller: a TCP handle."""
+"""How bytes travel to a controller: a TCP handle or a serial line."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import time
 from typing import Protocol
 
 CHUNK_BYTES = 65536
+SERIAL_SLICE_S = 0.01
 
 
 class Transport(Protocol):
@@ -85,3 +86,51 @@ class TcpTransport:
         _, writable, _ = select.select([], [self._socket], [], max(timeout_s, 0.0))
         if not writable:
             raise TimeoutError("the controller takes no more bytes")
+
+
+class SerialTransport:
+    """An RS-232 line; needs pyserial, which is imported only here.
+
+    Parameters
+    ----------
+    path
+        Name of the port, such as ``/dev/ttyS0`` or ``COM1``.
+    baud
+        Speed of the line.
+    timeout_s
+        How long the line may take no more bytes.
+
+    Raises
+    ------
+    OSError
+        If the port cannot be opened, or pyserial is not installed.
+    """
+
+    def __init__(self, path: str, baud: int, timeout_s: float) -> None:
+        try:
+            import serial
+        except ImportError as error:
+            raise OSError("pyserial is not installed; install ibfctl[serial]") from error
+        self._port = serial.Serial(path, baud, timeout=SERIAL_SLICE_S, write_timeout=timeout_s)
+
+    def send(self, data: bytes, timeout_s: float) -> None:
+        """Hand all of `data` to the line."""
+        self._port.write(data)
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return at least one byte; wait for it no longer than `timeout_s`."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            data = bytes(self._port.read(max(self._port.in_waiting, 1)))
+            if data:
+                return data
+            if time.monotonic() >= deadline:
+                raise TimeoutError("no answer")
+
+    def waiting(self) -> bytes:
+        """Return what has arrived already."""
+        return bytes(self._port.read(self._port.in_waiting)) if self._port.in_waiting else b""
+
+    def close(self) -> None:
+        """Close the line; never raises."""
+        self._port.close()

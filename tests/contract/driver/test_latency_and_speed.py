@@ -17,7 +17,7 @@ from ibfctl.runs.trace import read_emulator_trace
 
 LATENCIES_S = (0.0, 0.005, 0.05, 0.2)
 SPEEDS = (0.5, 1.0, 2.0)
-QUICK = {(0.005, 2.0), (0.05, 1.0)}
+QUICK = {(0.005, 2.0)}
 
 conditions = pytest.mark.parametrize(
     ("latency_s", "speed"),

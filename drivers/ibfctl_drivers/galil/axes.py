@@ -1,0 +1,34 @@
+"""What the axes are asked: numbers by operand, one round trip each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ibfctl.machine.controller import AxisStatus
+from ibfctl_drivers.galil.codec import message_of, parse_integers
+from ibfctl_drivers.galil.link import Link
+
+
+class AxisReader:
+    """Asks over one link.
+
+    Parameters
+    ----------
+    link
+        Handle for questions.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+
+    def numbers(self, operands: Iterable[str], after: str | None = None) -> list[int]:
+        """Return the whole numbers that `operands` stand for; `after` travels just before, as in `Link.ask`."""
+        names = list(operands)
+        question = message_of(names)
+        return parse_integers(self._link.ask(question, after=after), len(names), question)
+
+    def status(self, letter: str) -> AxisStatus:
+        """Return the full status of an axis."""
+        values = self.numbers(f"{operand}{letter}" for operand in ("_TP", "_TE", "_SC", "_BG", "_MO"))
+        position, error, stop_code, moving, off = values
+        return AxisStatus(position, error, stop_code, bool(moving), not off)
