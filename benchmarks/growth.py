@@ -14,7 +14,7 @@ PIXELS, POINTS, DOUBLINGS, REPEATS = 256, 10_000, 3, 2
 def run() -> dict[str, Any]:
     """Plan every size, the smallest first; of repeated plannings the quickest counts."""
     seconds = {}
-    plan_made(PIXELS // 2, POINTS // 4, loop=True)  # imports and caches
+    plan_made(PIXELS, POINTS // 2, loop=True)  # imports and caches
     for doubling in range(DOUBLINGS + 1):
         pixels = round(PIXELS * math.sqrt(2**doubling))
         repeats = REPEATS if doubling < DOUBLINGS else 1

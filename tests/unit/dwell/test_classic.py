@@ -62,8 +62,8 @@ def _limited(problem: DwellProblem, a_mm_s2: float) -> DwellProblem:
 
 
 def test_the_trend_of_table_1() -> None:
-    # The classic chain removes the map as it lies; the bounded solver may remove more of it, evenly, as the paper's does:
-    # its total time grows where the limits are low. Residuals of both are without piston.
+    # The classic chain removes the map as it lies; the bounded solver may remove more of it, evenly, as the paper's
+    # does: its total time grows where the limits are low. Residuals of both are without piston.
     fixed, free = _unlimited("none"), _unlimited("piston")
     gain = {}
     for a_g in (0.05, 0.1, 0.2, 0.4, 0.8):
