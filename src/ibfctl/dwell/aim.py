@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+Share = Callable[[float], None]
+
+
+def ignored(share: float) -> None:
+    """Report progress to nobody."""
 
 
 @dataclass(frozen=True)

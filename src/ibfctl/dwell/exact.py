@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.dwell.aim import Aim, TradeOff, TradeOffPoint, better
+from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better
 from ibfctl.dwell.compression import CompressedProblem
 from ibfctl.dwell.interior import InteriorPoint, solve_interior
 from ibfctl.dwell.solver import Cancelled, DwellProblem, Regularisation
@@ -31,6 +31,7 @@ def aim_exactly(
     aim: Aim,
     regularisation: Regularisation,
     cancelled: Cancelled,
+    progress: Share,
 ) -> TradeOff:
     """Find the dwell times that `aim` asks for, by optima at prices that close in on it."""
     curvature = problem.curvature()
@@ -54,6 +55,7 @@ def aim_exactly(
         )
         warm = solution.warm
         times = solution.time_s
+        progress(min(1.0, (len(points) + 1) / (_SEARCHES + 2)))
         points.append(TradeOffPoint(price, residual_nm(times), float(times.sum()), times))
         return points[-1]
 

@@ -140,7 +140,7 @@ class Descent:
         problem = self._problem
         lipschitz = self.curvature + self._tikhonov + self._smoothing
         for done in range(iterations):
-            if done % 16 == 0 and self._cancelled():
+            if self._cancelled():
                 raise CancelledError("planning was cancelled", "start it again when wanted")
             ahead = self._ahead
             descent = problem.descent(problem.residual(ahead)) - price_nm2_s

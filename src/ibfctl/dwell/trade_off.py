@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.dwell.aim import Aim, TradeOff, TradeOffPoint, better
+from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better, ignored
 from ibfctl.dwell.compression import compress
 from ibfctl.dwell.exact import aim_exactly
 from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation, never
@@ -42,6 +42,7 @@ def aim_at(
     regularisation: Regularisation,
     effort: Effort | None = None,
     cancelled: Cancelled = never,
+    progress: Share = ignored,
 ) -> TradeOff:
     """Find the dwell times that `aim` asks for: exactly for small jobs, by a bounded descent for large ones.
 
@@ -57,11 +58,13 @@ def aim_at(
         Where a descent starts.
     effort
         How long a descent may be.
+    progress
+        Called with the share of the work that is done, 0 to 1.
     """
     small = None if np.isfinite(problem.upper_s).any() else compress(problem)
     if small is not None:
-        return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled)
-    return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort or Effort(), cancelled)
+        return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled, progress)
+    return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort or Effort(), cancelled, progress)
 
 
 def _by_descent(
@@ -72,13 +75,18 @@ def _by_descent(
     regularisation: Regularisation,
     effort: Effort,
     cancelled: Cancelled,
+    progress: Share,
 ) -> TradeOff:
     descent = Descent(problem, regularisation, start_s, cancelled)
 
     def here(price: float) -> TradeOffPoint:
         return TradeOffPoint(price, residual_nm(descent.time_s), float(descent.time_s.sum()), descent.time_s)
 
-    descent.advance(0.0, effort.floor_iterations, 1e-7)
+    for part in range(effort.rounds):
+        descent.advance(0.0, -(-effort.floor_iterations // effort.rounds), 1e-7)
+        if descent.step < 1e-7:
+            break
+        progress(0.5 * (part + 1) / effort.rounds)
     floor = here(0.0)
     allowed_nm = aim.max_residual_nm or (1 + aim.margin) * floor.rms_nm
 
@@ -91,12 +99,13 @@ def _by_descent(
     # The price at which the margin is worth a hundredth of the beam time.
     price = max(allowed_nm**2 - floor.rms_nm**2, 1e-4 * floor.rms_nm**2) / (0.01 * floor.total_time_s + 1e-300)
     factor, last = 4.0, None
-    for _ in range(effort.rounds):
+    for part in range(effort.rounds):
         descent.advance(price, effort.iterations_per_round)
         point = here(price)
         chosen = better(point, chosen, aim, allowed_nm)
         dearer = too_long_or_fine(point)
         if last is not None and dearer != last:
             factor = max(np.sqrt(factor), 1.02)
+        progress(0.5 + 0.5 * (part + 1) / effort.rounds)
         price, last = price * factor if dearer else price / factor, dearer
     return TradeOff(floor, chosen)

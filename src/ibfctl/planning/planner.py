@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ibfctl.dwell.aim import Share, TradeOff, ignored
 from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import Cancelled, Regularisation, never
-from ibfctl.dwell.trade_off import Effort, TradeOff, aim_at
+from ibfctl.dwell.trade_off import aim_at
 from ibfctl.errors import CancelledError, InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
 from ibfctl.path.tool_path import ToolPath
@@ -71,7 +72,9 @@ def make_plan(
     stage("solving dwell times", 0.1)
     ideal = RemovalOperator(job.grid, influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
     regularisation = Regularisation(options.tikhonov)
-    chosen = solve_dwell(job, ideal, regularisation, stop).chosen
+    chosen = solve_dwell(
+        job, ideal, regularisation, stop, lambda share: report("solving dwell times", 0.1 + 0.5 * share)
+    ).chosen
     stage("scheduling", 0.6)
     best = execute(job, chosen.time_s)
     rounds: tuple[Round, ...] = ()
@@ -102,14 +105,18 @@ def make_plan(
 
 
 def solve_dwell(
-    job: PlanningJob, ideal: RemovalOperator, regularisation: Regularisation, cancelled: Cancelled = never
+    job: PlanningJob,
+    ideal: RemovalOperator,
+    regularisation: Regularisation,
+    cancelled: Cancelled = never,
+    progress: Share = ignored,
 ) -> TradeOff:
     """Solve the dwell times of a job at its dwell points, to what its options aim at.
 
     Raises
     ------
     LimitsError
-        If the shortest times that the machine needs exceed the time aimed at.
+        If the machine needs more than the time aimed at, or the residual aimed at cannot be reached.
     """
     aim = job.options.aim
     if aim.max_time_s is not None and job.lower_s.sum() > aim.max_time_s:
@@ -120,15 +127,22 @@ def solve_dwell(
     operator = RemovalOperator(
         job.misfit.grid, job.misfit.influence, job.path.dwell_x_mm, job.path.dwell_y_mm, precision=np.float32
     )
-    return aim_at(
+    found = aim_at(
         job.problem(operator, job.lower_s),
         lambda time_s: job.rms_nm(ideal(time_s)),
         aim,
         start_s=job.lower_s,
         regularisation=regularisation,
-        effort=Effort(),
         cancelled=cancelled,
+        progress=progress,
     )
+    if aim.max_residual_nm is not None and found.chosen.rms_nm > aim.max_residual_nm * (1 + 1e-6):
+        raise LimitsError(
+            f"plan: the best residual of this tool and path is about {found.floor.rms_nm:.4g} nm RMS, "
+            f"more than the {aim.max_residual_nm:g} nm allowed",
+            "allow a larger residual, or choose a smaller pitch or a narrower tool",
+        )
+    return found
 
 
 def schedule_nodes(
