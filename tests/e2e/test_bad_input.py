@@ -12,7 +12,7 @@ import pytest
 from ibfctl.cli.main import run
 from tests.support.small_job import PITCH, TIF, SmallJob
 
-BAD_INPUT, LIMITS = 2, 3
+BAD_INPUT, LIMITS, CONTROLLER = 2, 3, 5
 
 
 @pytest.fixture
@@ -150,6 +150,12 @@ def test_a_port_in_use(small_job: SmallJob, refused: Refused) -> None:
         data = str(small_job.folder / "data")
         said = refused(["serve", "--simulate", "--port", str(port), "--data", data], BAD_INPUT)
     assert f"port {port}" in said
+
+
+def test_an_abort_that_reaches_nobody(refused: Refused) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    assert f"127.0.0.1:{port}" in refused(["abort", "--port", str(port)], CONTROLLER)
 
 
 def test_an_address_that_others_can_reach(refused: Refused) -> None:

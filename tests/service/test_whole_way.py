@@ -1,12 +1,17 @@
 """From upload to as-run residual over REST alone, against the service as its own process."""
 
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import httpx
 import pytest
 
 from tests.support.served import PATIENCE_S, ended
 from tests.support.small_job import TIF, SmallJob
+
+STARTS_WITH = {".h5": b"\x89HDF", ".png": b"\x89PNG", ".npz": b"PK"}
 
 
 def test_from_upload_to_as_run_residual(served: httpx.Client, small_job: SmallJob) -> None:
@@ -31,8 +36,13 @@ def test_from_upload_to_as_run_residual(served: httpx.Client, small_job: SmallJo
     assert run["figures"]["as_run_rms_nm"] == pytest.approx(plan["summary"]["executed_rms_nm"], abs=0.01)
     assert run["figures"]["final_position_error_counts"] == {"A": 0, "B": 0}
 
-    for place, start in ((f"/v1/plans/{plan['id']}/plan.h5", b"\x89HDF"), (f"/v1/runs/{run['id']}/run.h5", b"\x89HDF")):
-        assert served.get(place).raise_for_status().content.startswith(start)
+    for record in (surface, plan, run):
+        again = served.get(record["links"]["self"]).raise_for_status().json()
+        assert again["id"] == record["id"]
+        for name, place in again["links"].items():
+            content = served.get(place).raise_for_status().content
+            assert content.startswith(STARTS_WITH.get(Path(name).suffix, b"")), name
+            assert len(content) > 100
 
 
 def test_an_abort_ends_the_run_and_says_so(served: httpx.Client, small_job: SmallJob) -> None:
@@ -50,7 +60,11 @@ def test_an_abort_ends_the_run_and_says_so(served: httpx.Client, small_job: Smal
         time.sleep(0.02)
     progress = served.get(place).json()["progress"]
     assert progress["margin_s"] > 0
-    assert served.post(f"{place}/abort").status_code == 202
+    command = [sys.executable, "-m", "ibfctl", "abort", "--port", str(served.base_url.port)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert said == f"aborted  {place.rpartition('/')[2]}\n"
     run = ended(served, place)
     assert (run["state"], run["error"]["code"]) == ("aborted", "aborted")
     assert run["error"]["detail"]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "nothing runs\n"
+    assert served.post(f"{place}/abort").status_code == 202

@@ -25,11 +25,8 @@ def command(plan_file: Path, form: str, output: Path | None) -> None:
     """Write the program of PLAN.h5 as text: positions in counts, velocities in counts/s, times in samples."""
     output = output if output is not None else plan_file.with_suffix(f".{form}")
     check_writable(output)
-    from ibfctl.jobs.atomic import atomic_path
     from ibfctl.planning.file import read_plan
-    from ibfctl.report.exchange import exchange_lines
+    from ibfctl.report.exchange import write_exchange
 
-    plan = read_plan(plan_file)
-    with atomic_path(output) as partial, partial.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(f"{line}\n" for line in exchange_lines(plan.program, form, f"ibfctl plan {plan_file.name}"))
+    write_exchange(read_plan(plan_file).program, form, f"ibfctl plan {plan_file.name}", output)
     click.echo(f"written  {output}")

@@ -62,6 +62,47 @@ def output_option(default: str) -> Decorator:
     )
 
 
+def _together(*options: Decorator) -> Decorator:
+    """Make one decorator of several options, in the order of the help."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+covering_options = _together(
+    click.option("--seed", type=int, default=0, show_default=True, help="Seed of a maze."),
+    click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm."),
+    click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm."),
+    click.option(
+        "--clear-aperture",
+        metavar="X0,X1,Y0,Y1",
+        callback=corners,
+        help="Where the residual counts, mm; default: the whole map.",
+    ),
+    click.option(
+        "--remove",
+        type=click.Choice(["none", "piston", "tilt"]),
+        default="tilt",
+        show_default=True,
+        help="Free terms; tilt includes piston.",
+    ),
+    click.option(
+        "--corridor-mm", type=float, help="How far the path may leave its segment, mm; default: 5 % of pitch."
+    ),
+)
+
+unit_options = _together(
+    click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it."),
+    click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file has none."),
+    click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z."),
+    click.option("--tif-pixel-mm", type=float, help="Pixel size of TIF, mm, where the file does not say it."),
+    click.option("--tif-unit", metavar="UNIT", help="Unit of rates (nm/s, um/min, ...) where the file has none."),
+)
+
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 

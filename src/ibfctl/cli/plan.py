@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import click
 
-from ibfctl.cli.options import corners, json_option, machine_option, output_option
+from ibfctl.cli.options import covering_options, json_option, machine_option, output_option, unit_options
 from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import plan_lines
@@ -30,33 +30,13 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
     metavar="raster|maze|NODES.csv",
     help="Raster, random maze, or nodes: x_mm,y_mm.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of a maze.")
-@click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm.")
-@click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm.")
 @click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
-@click.option(
-    "--clear-aperture",
-    metavar="X0,X1,Y0,Y1",
-    callback=corners,
-    help="Where the residual counts, mm; default: the whole map.",
-)
-@click.option(
-    "--remove",
-    type=click.Choice(["none", "piston", "tilt"]),
-    default="tilt",
-    show_default=True,
-    help="Free terms; tilt includes piston.",
-)
+@covering_options
 @click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own.")
-@click.option("--corridor-mm", type=float, help="How far the path may leave its segment, mm; default: 5 % of pitch.")
 @click.option("--max-time", type=_POSITIVE, help="Longest run time, s: the best residual within it.")
 @click.option("--max-residual", type=_POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
 @click.option("--loop/--no-loop", default=True, show_default=True, help="Correct dwell times for the motion executed.")
-@click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it.")
-@click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file does not say it.")
-@click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z.")
-@click.option("--tif-pixel-mm", type=float, help="Pixel size of TIF, mm, where the file does not say it.")
-@click.option("--tif-unit", metavar="UNIT", help="Unit of rates (nm/s, um/min, ...) where the file does not say it.")
+@unit_options
 @output_option("plan.h5")
 @json_option
 def command(

@@ -23,6 +23,7 @@ def plan_lines(figures: Mapping[str, Any]) -> Lines:
     lines += [
         ("run time", f"{figures['total_time_s']:.1f} s"),
         ("nodes, segments", f"{figures['nodes']}, {figures['segments']}"),
+        ("path", path(figures["path"])),
         ("peak velocity", per_axis(figures["peak_velocity_mm_s"], "mm/s")),
         ("peak acceleration", per_axis(figures["peak_acceleration_mm_s2"], "mm/s²")),
         ("certificate", certificate(figures["certificate"])),
@@ -75,6 +76,35 @@ def demo_table(figures: Mapping[str, Any], machine: MachineDescription) -> list[
     ]
     width = max(len(name) for name, _ in rows)
     return [*lines, *(f"{name:<{width}}  {value}" for name, value in rows)]
+
+
+def comparison_lines(figures: Mapping[str, Any]) -> list[str]:
+    """Return the table of a comparison: one block for each path, one row for each scheduler."""
+    lines: list[str] = []
+    for name, compared in figures["paths"].items():
+        lines += [
+            *([""] if lines else []),
+            f"{name}: {path(compared['path'])}; ideal residual {compared['ideal_rms_nm']:.3f} nm RMS",
+            f"{'scheduler':<24}{'overshoot':>11}{'excursion':>11}{'jump max':>10}{'jump RMS':>10}"
+            f"{'peak x':>9}{'peak y':>9}{'run time':>10}{'residual':>10}",
+            f"{'':<24}{'mm':>11}{'mm':>11}{'mm/s²':>10}{'mm/s²':>10}{'mm/s²':>9}{'mm/s²':>9}{'s':>10}{'nm RMS':>10}",
+        ]
+        for scheduler, row in compared["schedulers"].items():
+            peak = row["peak_acceleration_mm_s2"]
+            lines.append(
+                f"{scheduler:<24}{row['overshoot_mm']:>11.4f}{row['excursion_mm']:>11.4f}"
+                f"{row['largest_acceleration_jump_mm_s2']:>10.0f}{row['rms_acceleration_jump_mm_s2']:>10.0f}"
+                f"{peak['x']:>9.0f}{peak['y']:>9.0f}{row['total_time_s']:>10.1f}{row['executed_rms_nm']:>10.4f}"
+            )
+    return lines
+
+
+def path(figures: Mapping[str, Any]) -> str:
+    """Say the figures of a path."""
+    gap = figures["largest_gap_mm"]
+    covered = "" if gap is None else f"largest gap {gap:.3g} mm, "
+    step, corner = figures["shortest_step_mm"], figures["sharpest_corner_deg"]
+    return f"{covered}shortest step {step:.3g} mm, sharpest corner {corner:.0f}°"
 
 
 def residual(rms_nm: float, pv_nm: float) -> str:

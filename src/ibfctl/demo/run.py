@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ibfctl.demo.job import DemoJob
-from ibfctl.jobs.atomic import atomic_path
+from ibfctl.files import save_npz
 from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
 from ibfctl.jobs.rehearsal import Rehearsal, rehearse
 from ibfctl.planning.plan import Plan
@@ -44,14 +42,14 @@ def run_demo(job: DemoJob, machine: Path, folder: Path, *, speed: float, on_prog
     """Write the job's files into `folder`, plan it, rehearse it at `speed`, and draw pictures."""
     folder.mkdir(parents=True, exist_ok=True)
     surface, influence = folder / "map.npz", folder / "tif.npz"
-    _save(
+    save_npz(
         surface,
         height_nm=job.surface.height_nm,
         pixel_mm=job.surface.pixel_mm,
         x0_mm=job.surface.x0_mm,
         y0_mm=job.surface.y0_mm,
     )
-    _save(influence, rate_nm_s=job.influence.rate_nm_s, pixel_mm=job.influence.pixel_mm)
+    save_npz(influence, rate_nm_s=job.influence.rate_nm_s, pixel_mm=job.influence.pixel_mm)
     plan_path, run_path = folder / "plan.h5", folder / "run.h5"
     plan = plan_files(
         MapFile(str(surface)),
@@ -66,8 +64,3 @@ def run_demo(job: DemoJob, machine: Path, folder: Path, *, speed: float, on_prog
     pictures = [*draw_plan(plan, folder), *draw_run(plan, rehearsal.as_run, folder)]
     on_progress("pictures", 1.0)
     return Demo(plan, rehearsal, (surface, influence, plan_path, run_path, *pictures))
-
-
-def _save(path: Path, **arrays: Any) -> None:
-    with atomic_path(path) as partial, partial.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)

@@ -7,9 +7,11 @@ commands); docs/file-formats.md says what is known of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from ibfctl.files import atomic_path
 from ibfctl.machine.program import PvtProgram
 
 FORMATS = ("csv", "pvt.csv", "pvt.dmc")
@@ -23,6 +25,12 @@ def exchange_lines(program: PvtProgram, form: str, title: str) -> Iterator[str]:
     if form == "pvt.csv":
         return _pvt_csv(program)
     return _pvt_dmc(program, title)
+
+
+def write_exchange(program: PvtProgram, form: str, title: str, path: Path) -> None:
+    """Write a program in one of `FORMATS`, completely or not at all."""
+    with atomic_path(path) as partial, partial.open("w", encoding="ascii", newline="\n") as stream:
+        stream.writelines(f"{line}\n" for line in exchange_lines(program, form, title))
 
 
 def _csv(program: PvtProgram) -> Iterator[str]:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle as Outline
 from numpy.typing import NDArray
 
+from ibfctl.files import atomic_path
 from ibfctl.surface.map import Rectangle
 
 FloatArray = NDArray[np.float64]
@@ -123,12 +124,8 @@ def new_figure(height_in: float) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as a PNG, completely or not at all."""
-    partial = path.with_name(f".{path.name}.partial")
-    try:
+    with atomic_path(path) as partial:
         figure.savefig(partial, dpi=_DPI, format="png")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _extend(panel: Panel) -> str:

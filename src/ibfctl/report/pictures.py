@@ -26,6 +26,13 @@ _INK = "#1f3b5c"
 _LIMIT = "#b2182b"
 
 
+def draw_map(surface: SurfaceMap, path: Path) -> None:
+    """Write the picture of a map as measured, without its mean."""
+    height_nm = surface.height_nm - np.nanmean(surface.height_nm)
+    panel = _map_panel(surface, height_nm, _figures(height_nm), "height / nm", signed_scale(height_nm))
+    draw_panels(path, [panel], None)
+
+
 def draw_plan(plan: Plan, folder: Path) -> list[Path]:
     """Write the pictures of a plan: the map, the dwell times and the velocities; return their paths."""
     paths = [folder / "dwell.png", folder / "velocities.png"]

@@ -9,7 +9,8 @@ from fastapi import FastAPI
 
 from ibfctl import __version__
 from ibfctl.service import problems
-from ibfctl.service.routers import influences, maps, plans, runs
+from ibfctl.service.origin import LocalOnly
+from ibfctl.service.routers import influences, info, maps, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
 
@@ -38,6 +39,8 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
     )
     problems.install(app)
-    for module in (maps, influences, plans, runs):
+    app.add_middleware(LocalOnly)
+    for module in (maps, influences, plans, runs, info):
         app.include_router(module.router, prefix="/v1")
+    app.include_router(info.health)
     return app

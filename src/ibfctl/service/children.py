@@ -47,6 +47,11 @@ class Child:
         except (BrokenPipeError, ConnectionResetError):
             pass
 
+    def hang_up(self) -> None:
+        """Close the child's input: that cancels a plan and aborts a run."""
+        assert self._process.stdin is not None  # made with a pipe
+        self._process.stdin.close()
+
     async def last_event(self, on_progress: Callable[[Event], None]) -> Event:
         """Pass on events until the last one, ``finished`` or ``failed``, and return it once the child is gone.
 
@@ -72,9 +77,7 @@ class Child:
         }
 
     async def _end(self) -> None:
-        """Close the child's input, which cancels a plan and aborts a run, and wait until it is gone."""
-        assert self._process.stdin is not None  # made with a pipe
-        self._process.stdin.close()
+        self.hang_up()
         try:
             await asyncio.wait_for(self._process.wait(), _END_TIMEOUT_S)
         except TimeoutError:

@@ -10,14 +10,11 @@ from typing import Annotated, Any, cast
 from fastapi import Depends, Request
 
 from ibfctl.service.children import Child
+from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection
 
-_ENDED_BY_RESTART = {
-    "code": "interrupted",
-    "detail": "the service ended before this was done",
-    "hint": "start it again",
-}
+_ENDED_BY_RESTART = problem(503, "interrupted", "the service ended before this was done", "start it again")
 
 
 class State:
@@ -32,12 +29,13 @@ class State:
         self.starting_run = asyncio.Lock()
         self.planners = asyncio.Semaphore(len(os.sched_getaffinity(0)))
         self.progress: dict[str, dict[str, Any]] = {}
+        self.solving: dict[str, Child] = {}
         self.running: dict[str, Child] = {}
         self._work: set[asyncio.Task[None]] = set()
         for collection in (self.plans, self.runs):
-            for record in collection.records():
-                if record["state"] in ("queued", "running"):
-                    collection.update(record["id"], state="failed", error=_ENDED_BY_RESTART)
+            for identity in collection.ids():
+                if collection.read(identity)["state"] in ("queued", "running"):
+                    collection.update(identity, state="failed", error=_ENDED_BY_RESTART)
 
     def start(self, work: Coroutine[Any, Any, None]) -> None:
         """Do work beside the requests; it is ended, in order, with the service."""
@@ -50,6 +48,17 @@ class State:
         for task in self._work:
             task.cancel()
         await asyncio.gather(*self._work, return_exceptions=True)
+
+    def upload_of(self, collection: Collection, identity: str) -> str:
+        """Return the path of the file that was uploaded for a resource."""
+        return str(collection.path(identity, f"upload.{collection.read(identity)['format']}"))
+
+    def refuse_if_used(self, kind: str, identity: str, by: Collection, reference: str) -> None:
+        """Refuse to delete what a plan or a run refers to."""
+        for user in by.ids():
+            record = by.read(user)
+            if identity in (record.get(reference), record.get("request", {}).get(reference)):
+                raise ServiceError(409, f"{kind}/{identity}: is used by {by.kind}/{user}", "delete that first")
 
 
 def _state(request: Request) -> State:

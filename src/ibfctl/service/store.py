@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import secrets
+import shutil
+import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ibfctl.jobs.atomic import atomic_path
+from ibfctl.files import atomic_path
 from ibfctl.service.problems import ServiceError
 
 _ID = re.compile(r"[0-9a-f]{16}")
 _RECORD = "record.json"
+_KEYS = "keys"
 
 Record = dict[str, Any]
 
 
 class Collection:
-    """All resources of one kind; nothing that a client sends becomes a path."""
+    """All resources of one kind; nothing that a client sends becomes a path.
+
+    Ids begin with the time of creation, so that their order is the order of creation.
+    """
 
     def __init__(self, data: Path, kind: str) -> None:
         self._folder = data / kind
-        self._folder.mkdir(parents=True, exist_ok=True)
+        (self._folder / _KEYS).mkdir(parents=True, exist_ok=True)
         self.kind = kind
 
     def create(self) -> str:
         """Make the folder of a new resource and return its id; without a record it does not exist for clients."""
-        identity = secrets.token_hex(8)
+        identity = f"{time.time_ns() // 1_000_000:011x}{secrets.randbits(20):05x}"
         (self._folder / identity).mkdir()
         return identity
 
@@ -40,25 +47,68 @@ class Collection:
     def write(self, identity: str, record: Mapping[str, Any]) -> Record:
         """Write the record of a resource, completely or not at all, and return it."""
         stored = {"id": identity, "created": datetime.now(UTC).isoformat(timespec="milliseconds"), **record}
-        with atomic_path(self.path(identity, _RECORD)) as partial:
-            partial.write_text(json.dumps(stored), encoding="utf-8")
+        _write_json(self.path(identity, _RECORD), stored)
         return stored
 
     def update(self, identity: str, **changes: Any) -> Record:
         """Change fields of a record."""
         return self.write(identity, {**self.read(identity), **changes})
 
+    def exists(self, identity: str) -> bool:
+        """Return whether there is such a resource."""
+        return bool(_ID.fullmatch(identity)) and self.path(identity, _RECORD).is_file()
+
     def read(self, identity: str) -> Record:
         """Return a record, or refuse the request where there is none."""
-        path = self.path(identity, _RECORD)
-        if not _ID.fullmatch(identity) or not path.is_file():
+        if not self.exists(identity):
             raise ServiceError(
                 404, f"{self.kind}/{identity[:32]}: does not exist", f"GET /v1/{self.kind} lists what does"
             )
-        record: Record = json.loads(path.read_text(encoding="utf-8"))
+        record: Record = json.loads(self.path(identity, _RECORD).read_text(encoding="utf-8"))
         return record
 
-    def records(self) -> list[Record]:
-        """Return all records, oldest first."""
-        found = [json.loads(path.read_text(encoding="utf-8")) for path in self._folder.glob(f"*/{_RECORD}")]
-        return sorted(found, key=lambda record: (record["created"], record["id"]))
+    def ids(self) -> list[str]:
+        """Return all ids, oldest first."""
+        return sorted(path.name for path in self._folder.iterdir() if self.exists(path.name))
+
+    def delete(self, identity: str) -> None:
+        """Remove a resource; its record goes first, so that half of it is never seen."""
+        self.path(identity, _RECORD).unlink(missing_ok=True)
+        shutil.rmtree(self._folder / identity)
+
+    def remember(self, key: str | None, fingerprint: str, identity: str) -> None:
+        """Note which resource a request with an idempotency key has made."""
+        if key is not None:
+            _write_json(self._key_path(key), {"fingerprint": fingerprint, "id": identity})
+
+    def recall(self, key: str | None, fingerprint: str) -> Record | None:
+        """Return what an earlier request with this key has made, None where there was none.
+
+        Raises
+        ------
+        ServiceError
+            If the earlier request asked for something else.
+        """
+        if key is None or not self._key_path(key).is_file():
+            return None
+        note = json.loads(self._key_path(key).read_text(encoding="utf-8"))
+        if not self.exists(note["id"]):
+            return None
+        if note["fingerprint"] != fingerprint:
+            raise ServiceError(
+                409, "Idempotency-Key was used for another request", "use a new key for every new request"
+            )
+        return self.read(note["id"])
+
+    def _key_path(self, key: str) -> Path:
+        return self._folder / _KEYS / hashlib.sha256(key.encode()).hexdigest()
+
+
+def fingerprint_of(*parts: Any) -> str:
+    """Return a hash of what a request asks for."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _write_json(path: Path, content: Any) -> None:
+    with atomic_path(path) as partial:
+        partial.write_text(json.dumps(content), encoding="utf-8")

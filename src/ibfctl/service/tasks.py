@@ -7,6 +7,7 @@ The end of standard input (a dead parent closes it) cancels a plan.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import sys
@@ -18,10 +19,13 @@ from typing import Any, cast
 import numpy as np
 
 from ibfctl.errors import IbfctlError
+from ibfctl.files import save_npz
 from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
 from ibfctl.jobs.rehearsal import record
+from ibfctl.jobs.run_file import read_as_run
 from ibfctl.planning.file import read_plan
 from ibfctl.planning.options import Aim, PlanOptions
+from ibfctl.report.exchange import FORMATS, write_exchange
 from ibfctl.runs.outcome import RunOutcome
 from ibfctl.surface.map import Rectangle
 from ibfctl.surface.readers import read_influence, read_map
@@ -86,9 +90,58 @@ def record_run(arguments: Arguments) -> Arguments:
     """Find what a finished run removed, and write the run file; return its figures."""
     path = Path(arguments["plan"])
     outcome = RunOutcome(**arguments["outcome"])
-    return record(
-        read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])
-    ).summary()
+    return record(read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])).summary()
+
+
+def preview_map(arguments: Arguments) -> Arguments:
+    """Draw a map."""
+    from ibfctl.report.pictures import draw_map
+
+    file = MapFile(**arguments["map"])
+    surface = read_map(file.path, pixel_mm=file.pixel_mm, height_unit=file.unit, array=file.array)
+    draw_map(surface, Path(arguments["folder"]) / "preview.png")
+    return {}
+
+
+def plan_files_of(arguments: Arguments) -> Arguments:
+    """Write exports, tables and pictures of a plan."""
+    from ibfctl.report.pictures import draw_plan
+
+    folder = Path(arguments["folder"])
+    made = read_plan(Path(arguments["plan"]))
+    for form in FORMATS:
+        write_exchange(made.program, form, f"ibfctl plan {folder.name}", folder / f"plan.{form}")
+    save_npz(folder / "dwell.npz", **dataclasses.asdict(made.dwell))
+    if made.prediction is not None and made.surface is not None:
+        save_npz(
+            folder / "residual.npz",
+            height_nm=made.prediction.executed_residual_nm,
+            pixel_mm=made.surface.pixel_mm,
+            x0_mm=made.surface.x0_mm,
+            y0_mm=made.surface.y0_mm,
+        )
+    draw_plan(made, folder)
+    return {}
+
+
+def run_files_of(arguments: Arguments) -> Arguments:
+    """Write the table and the picture of what a run has left."""
+    from ibfctl.report.pictures import draw_run
+
+    folder = Path(arguments["folder"])
+    made = read_plan(Path(arguments["plan"]))
+    as_run = read_as_run(Path(arguments["run"]))
+    if as_run is None or made.surface is None:
+        return {}
+    save_npz(
+        folder / "residual.npz",
+        height_nm=as_run.residual_nm,
+        pixel_mm=made.surface.pixel_mm,
+        x0_mm=made.surface.x0_mm,
+        y0_mm=made.surface.y0_mm,
+    )
+    draw_run(made, as_run, folder)
+    return {}
 
 
 TASKS: dict[str, Callable[[Arguments], Arguments]] = {
@@ -96,6 +149,9 @@ TASKS: dict[str, Callable[[Arguments], Arguments]] = {
     "inspect-influence": inspect_influence,
     "plan": plan,
     "record-run": record_run,
+    "preview-map": preview_map,
+    "plan-files": plan_files_of,
+    "run-files": run_files_of,
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
+from pathlib import Path
 from typing import Any, Literal
 
 from fastapi import Request
@@ -11,12 +11,10 @@ from fastapi import Request
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.problems import ServiceError
 from ibfctl.service.settings import Settings
-from ibfctl.service.store import Collection, Record
+from ibfctl.service.store import Collection, Record, fingerprint_of
 
 Format = Literal["npz", "mat", "csv", "xyz"]
-TOO_LARGE: dict[int | str, dict[str, Any]] = {
-    413: {"description": "The body is larger than the service accepts."}
-}
+BODY = {"requestBody": {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}}
 
 
 async def store_upload(
@@ -26,8 +24,18 @@ async def store_upload(
     form: Format,
     task: str,
     given: dict[str, Any],
+    key: str | None,
 ) -> Record:
     """Store the body of a request, have it read, and return the record of the new resource.
+
+    Parameters
+    ----------
+    task
+        Which task reads it and finds its figures.
+    given
+        What was given beside the body.
+    key
+        Idempotency key: a request that was made before returns what it made then.
 
     Raises
     ------
@@ -36,28 +44,24 @@ async def store_upload(
     """
     identity = collection.create()
     path = collection.path(identity, f"upload.{form}")
+    kept = False
     try:
-        digest = hashlib.sha256()
-        size = 0
-        with path.open("wb") as stream:
-            async for chunk in request.stream():
-                size += len(chunk)
-                if size > settings.max_upload_bytes:
-                    raise ServiceError(
-                        413, f"body is larger than {settings.max_upload_bytes} bytes", "crop or bin the map"
-                    )
-                digest.update(chunk)
-                stream.write(chunk)
-        figures = await inspect(
-            task, {**given, ("path" if task == "inspect-map" else "spec"): str(path)}, path.name
+        size, sha256 = await _receive(request, path, settings.max_upload_bytes)
+        fingerprint = fingerprint_of(form, given, sha256)
+        earlier = collection.recall(key, fingerprint)
+        if earlier is not None:
+            return earlier
+        place = "path" if task == "inspect-map" else "spec"
+        figures = await inspect(task, {**given, place: str(path)}, path.name)
+        record = collection.write(
+            identity, {"format": form, "bytes": size, "sha256": sha256, "given": given, "figures": figures}
         )
-        return collection.write(
-            identity,
-            {"format": form, "bytes": size, "sha256": digest.hexdigest(), "given": given, "figures": figures},
-        )
-    except BaseException:
-        shutil.rmtree(collection.path(identity, ""))
-        raise
+        collection.remember(key, fingerprint, identity)
+        kept = True
+        return record
+    finally:
+        if not kept:
+            collection.delete(identity)
 
 
 async def inspect(task: str, arguments: dict[str, Any], shown_as: str) -> dict[str, Any]:
@@ -69,3 +73,17 @@ async def inspect(task: str, arguments: dict[str, Any], shown_as: str) -> dict[s
         raise ServiceError(422, event["message"].replace(place, shown_as), event["hint"], event["code"])
     figures: dict[str, Any] = event["figures"]
     return figures
+
+
+async def _receive(request: Request, path: Path, limit: int) -> tuple[int, str]:
+    """Write the body to a file as it arrives; return its size and SHA-256."""
+    digest = hashlib.sha256()
+    size = 0
+    with path.open("wb") as stream:
+        async for chunk in request.stream():
+            size += len(chunk)
+            if size > limit:
+                raise ServiceError(413, f"body is larger than {limit} bytes", "crop or bin the map")
+            digest.update(chunk)
+            stream.write(chunk)
+    return size, digest.hexdigest()

@@ -1,4 +1,4 @@
-"""Tool influence functions: upload or make from a formula, list, show."""
+"""Tool influence functions: upload or make from a formula, list, show, delete."""
 
 from __future__ import annotations
 
@@ -6,14 +6,25 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
 
+from ibfctl.service.models import InfluenceRecord, Page
 from ibfctl.service.problems import ServiceError
+from ibfctl.service.requests import After, Identity, Key, Limit, linked, page, refusals
 from ibfctl.service.state import Service
-from ibfctl.service.uploads import TOO_LARGE, Format, inspect, store_upload
+from ibfctl.service.store import Record, fingerprint_of
+from ibfctl.service.uploads import BODY, Format, inspect, store_upload
 
 router = APIRouter(prefix="/influences", tags=["influences"])
+_FORMULA = "gaussian:"
 
 
-@router.post("", status_code=201, responses=TOO_LARGE)
+@router.post(
+    "",
+    status_code=201,
+    response_model=InfluenceRecord,
+    response_model_exclude_none=True,
+    responses=refusals(409, 413),
+    openapi_extra=BODY,
+)
 async def add_influence(
     request: Request,
     service: Service,
@@ -21,33 +32,43 @@ async def add_influence(
     formula: Annotated[
         str | None, Query(description="Instead of a body: gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..")
     ] = None,
-    pixel_mm: Annotated[
-        float | None, Query(description="Pixel size, mm, where the file does not say it.")
-    ] = None,
+    pixel_mm: Annotated[float | None, Query(description="Pixel size where the file does not say it.")] = None,
     unit: Annotated[str | None, Query(description="Unit of rates where the file does not say it.")] = None,
-) -> dict[str, Any]:
+    key: Key = None,
+) -> Record:
     """Upload an influence function as the raw body, or give a formula; answers its id and figures."""
     given = {"pixel_mm": pixel_mm, "unit": unit}
+    collection = service.influences
     if format is not None and formula is None:
-        return await store_upload(
-            request, service.settings, service.influences, format, "inspect-influence", given
-        )
-    if formula is None or format is not None or not formula.startswith("gaussian:"):
-        raise ServiceError(
-            422, "needs either format and a body, or a formula", "formula=gaussian:fwhm_mm=..,.."
-        )
+        made = await store_upload(request, service.settings, collection, format, "inspect-influence", given, key)
+        return linked(collection, made)
+    if formula is None or format is not None or not formula.startswith(_FORMULA):
+        raise ServiceError(422, "needs either format and a body, or a formula", f"formula={_FORMULA}fwhm_mm=..,..")
+    fingerprint = fingerprint_of(formula, given)
+    earlier = collection.recall(key, fingerprint)
+    if earlier is not None:
+        return linked(collection, earlier)
     figures = await inspect("inspect-influence", {**given, "spec": formula}, formula)
-    identity = service.influences.create()
-    return service.influences.write(identity, {"formula": formula, "given": given, "figures": figures})
+    identity = collection.create()
+    collection.remember(key, fingerprint, identity)
+    return linked(collection, collection.write(identity, {"formula": formula, "given": given, "figures": figures}))
 
 
-@router.get("")
-async def list_influences(service: Service) -> list[dict[str, Any]]:
-    """List all influence functions, oldest first."""
-    return service.influences.records()
+@router.get("", response_model=Page[InfluenceRecord], response_model_exclude_none=True, responses=refusals())
+async def list_influences(service: Service, limit: Limit = 100, after: After = None) -> dict[str, Any]:
+    """List influence functions."""
+    return page(service.influences, limit, after, lambda record: linked(service.influences, record))
 
 
-@router.get("/{identity}")
-async def show_influence(identity: str, service: Service) -> dict[str, Any]:
+@router.get("/{identity}", response_model=InfluenceRecord, response_model_exclude_none=True, responses=refusals(404))
+async def show_influence(identity: Identity, service: Service) -> Record:
     """Show an influence function's figures."""
-    return service.influences.read(identity)
+    return linked(service.influences, service.influences.read(identity))
+
+
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+async def delete_influence(identity: Identity, service: Service) -> None:
+    """Delete an influence function that no plan refers to."""
+    service.influences.read(identity)
+    service.refuse_if_used("influences", identity, service.plans, "influence_id")
+    service.influences.delete(identity)

@@ -1,42 +1,60 @@
-"""Surface maps: upload, list, show."""
+"""Surface maps: upload, list, show, preview, delete."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
+from fastapi.responses import FileResponse
 
+from ibfctl.service.models import MapRecord, Page
+from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.state import Service
-from ibfctl.service.uploads import TOO_LARGE, Format, store_upload
+from ibfctl.service.store import Record
+from ibfctl.service.uploads import BODY, Format, store_upload
 
 router = APIRouter(prefix="/maps", tags=["maps"])
+_FILES = ("preview.png",)
 
 
-@router.post("", status_code=201, responses=TOO_LARGE)
+@router.post("", status_code=201, response_model=MapRecord, responses=refusals(409, 413), openapi_extra=BODY)
 async def add_map(
     request: Request,
     service: Service,
     format: Annotated[Format, Query(description="Kind of file in the body.")],
-    pixel_mm: Annotated[
-        float | None, Query(description="Pixel size, mm, where the file does not say it.")
-    ] = None,
+    pixel_mm: Annotated[float | None, Query(description="Pixel size where the file does not say it.")] = None,
     unit: Annotated[str | None, Query(description="Unit of heights where the file does not say it.")] = None,
-    array: Annotated[
-        str | None, Query(description="Array of a .mat file; default Z_to_remove, else Z.")
-    ] = None,
-) -> dict[str, Any]:
+    array: Annotated[str | None, Query(description="Array of a .mat file; default Z_to_remove, else Z.")] = None,
+    key: Key = None,
+) -> Record:
     """Upload a map as the raw body; answers its id and figures."""
     given = {"pixel_mm": pixel_mm, "unit": unit, "array": array}
-    return await store_upload(request, service.settings, service.maps, format, "inspect-map", given)
+    made = await store_upload(request, service.settings, service.maps, format, "inspect-map", given, key)
+    return linked(service.maps, made, _FILES)
 
 
-@router.get("")
-async def list_maps(service: Service) -> list[dict[str, Any]]:
-    """List all maps, oldest first."""
-    return service.maps.records()
+@router.get("", response_model=Page[MapRecord], response_model_exclude_none=True, responses=refusals())
+async def list_maps(service: Service, limit: Limit = 100, after: After = None) -> dict[str, Any]:
+    """List maps."""
+    return page(service.maps, limit, after, lambda record: linked(service.maps, record, _FILES))
 
 
-@router.get("/{identity}")
-async def show_map(identity: str, service: Service) -> dict[str, Any]:
+@router.get("/{identity}", response_model=MapRecord, responses=refusals(404))
+async def show_map(identity: Identity, service: Service) -> Record:
     """Show a map's figures."""
-    return service.maps.read(identity)
+    return linked(service.maps, service.maps.read(identity), _FILES)
+
+
+@router.get("/{identity}/preview.png", response_class=FileResponse, responses=refusals(404))
+async def preview_map(identity: Identity, service: Service) -> FileResponse:
+    """Show a picture of a map."""
+    source = {"path": service.upload_of(service.maps, identity), **service.maps.read(identity)["given"]}
+    return await file_on_demand(service.maps, identity, "preview.png", "preview-map", {"map": source})
+
+
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+async def delete_map(identity: Identity, service: Service) -> None:
+    """Delete a map that no plan refers to."""
+    service.maps.read(identity)
+    service.refuse_if_used("maps", identity, service.plans, "map_id")
+    service.maps.delete(identity)

@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibfctl.service.children import TASKS, Child
+from ibfctl.service.models import Page, PlanRecord
 from ibfctl.service.problems import ServiceError, problem
+from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.state import Service, State
+from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/plans", tags=["plans"])
+
+PlanFile = Literal[
+    "plan.h5",
+    "plan.csv",
+    "plan.pvt.csv",
+    "plan.pvt.dmc",
+    "dwell.npz",
+    "residual.npz",
+    "map.png",
+    "dwell.png",
+    "velocities.png",
+]
+_FILES: tuple[PlanFile, ...] = get_args(PlanFile)
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -38,12 +54,8 @@ class PlanRequest(BaseModel):
     dwell_min_s: Positive | None = None
     corridor_mm: Positive | None = None
     loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
-    max_time_s: Annotated[Positive | None, Field(description="The best residual within this run time.")] = (
-        None
-    )
-    max_residual_nm: Annotated[
-        Positive | None, Field(description="The shortest run to this residual, RMS.")
-    ] = None
+    max_time_s: Annotated[Positive | None, Field(description="The best residual within this run time.")] = None
+    max_residual_nm: Annotated[Positive | None, Field(description="The shortest run to this residual, RMS.")] = None
 
     @model_validator(mode="after")
     def _one_aim(self) -> Self:
@@ -52,21 +64,82 @@ class PlanRequest(BaseModel):
         return self
 
 
-@router.post("", status_code=202)
-async def start_plan(request: PlanRequest, response: Response, service: Service) -> dict[str, Any]:
+@router.post(
+    "", status_code=202, response_model=PlanRecord, response_model_exclude_none=True, responses=refusals(404, 409)
+)
+async def start_plan(request: PlanRequest, response: Response, service: Service, key: Key = None) -> Record:
     """Start planning for the machine of the service; `Location` is where progress and result appear."""
+    fingerprint = fingerprint_of(request.model_dump())
+    record = service.plans.recall(key, fingerprint)
+    if record is None:
+        arguments = _arguments(request, service)
+        identity = service.plans.create()
+        arguments["output"] = str(service.plans.path(identity, "plan.h5"))
+        record = service.plans.write(identity, {"state": "queued", "request": request.model_dump()})
+        service.plans.remember(key, fingerprint, identity)
+        service.start(_solve(service, identity, arguments))
+    response.headers["Location"] = f"/v1/plans/{record['id']}"
+    return _shown(service, record)
+
+
+@router.get("", response_model=Page[PlanRecord], response_model_exclude_none=True, responses=refusals())
+async def list_plans(service: Service, limit: Limit = 100, after: After = None) -> dict[str, Any]:
+    """List plans."""
+    return page(service.plans, limit, after, lambda record: _shown(service, record))
+
+
+@router.get("/{identity}", response_model=PlanRecord, response_model_exclude_none=True, responses=refusals(404))
+async def show_plan(identity: Identity, service: Service) -> Record:
+    """Show a plan: its state, its progress while it is solved, then the summary or what failed."""
+    return _shown(service, service.plans.read(identity))
+
+
+@router.post(
+    "/{identity}/cancel",
+    status_code=202,
+    response_model=PlanRecord,
+    response_model_exclude_none=True,
+    responses=refusals(404),
+)
+async def cancel_plan(identity: Identity, service: Service) -> Record:
+    """Cancel the planning; a plan that is over stays as it is."""
+    record = service.plans.read(identity)
+    if identity in service.solving:
+        service.solving[identity].hang_up()
+    return _shown(service, record)
+
+
+@router.get("/{identity}/{name}", response_class=FileResponse, responses=refusals(404, 409))
+async def get_plan_file(identity: Identity, name: PlanFile, service: Service) -> FileResponse:
+    """Download a file of a plan: the plan itself, exports for Galil's tool, tables, pictures."""
+    if service.plans.read(identity)["state"] != "done":
+        raise ServiceError(409, f"plans/{identity}: is not done", "wait until its state is done")
+    plan = str(service.plans.path(identity, "plan.h5"))
+    return await file_on_demand(service.plans, identity, name, "plan-files", {"plan": plan})
+
+
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+async def delete_plan(identity: Identity, service: Service) -> None:
+    """Delete a plan that is over and that no run refers to."""
+    if service.plans.read(identity)["state"] in ("queued", "running"):
+        raise ServiceError(409, f"plans/{identity}: is being solved", "cancel it first")
+    service.refuse_if_used("plans", identity, service.runs, "plan_id")
+    service.plans.delete(identity)
+
+
+def _shown(service: State, record: Record) -> Record:
+    shown = linked(service.plans, record, _FILES if record["state"] == "done" else ())
+    return {**shown, "progress": service.progress.get(record["id"])}
+
+
+def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
+    """Return the arguments of the task that solves a plan, without its output."""
     surface, influence = service.maps.read(request.map_id), service.influences.read(request.influence_id)
     aim = {"max_time_s", "max_residual_nm"}
     options = request.model_dump(exclude={"map_id", "influence_id", "clear_aperture_mm", *aim})
-    identity = service.plans.create()
-    tool = influence.get("formula") or str(
-        service.influences.path(influence["id"], f"upload.{influence['format']}")
-    )
-    arguments = {
-        "map": {
-            "path": str(service.maps.path(surface["id"], f"upload.{surface['format']}")),
-            **surface["given"],
-        },
+    tool = influence.get("formula") or service.upload_of(service.influences, influence["id"])
+    return {
+        "map": {"path": service.upload_of(service.maps, surface["id"]), **surface["given"]},
         "influence": {"spec": tool, **influence["given"]},
         "machine": str(service.settings.machine),
         "options": {
@@ -74,46 +147,20 @@ async def start_plan(request: PlanRequest, response: Response, service: Service)
             "clear_aperture": request.clear_aperture_mm,
             "aim": request.model_dump(include=aim),
         },
-        "output": str(service.plans.path(identity, "plan.h5")),
     }
-    record = service.plans.write(identity, {"state": "queued", "request": request.model_dump()})
-    service.start(_solve(service, identity, arguments))
-    response.headers["Location"] = f"/v1/plans/{identity}"
-    return record
-
-
-@router.get("")
-async def list_plans(service: Service) -> list[dict[str, Any]]:
-    """List all plans, oldest first."""
-    return service.plans.records()
-
-
-@router.get("/{identity}")
-async def show_plan(identity: str, service: Service) -> dict[str, Any]:
-    """Show a plan: its state, its progress while it is solved, then the summary or what failed."""
-    record = service.plans.read(identity)
-    return record | {"progress": service.progress[identity]} if identity in service.progress else record
-
-
-@router.get("/{identity}/plan.h5", response_class=FileResponse)
-async def get_plan_file(identity: str, service: Service) -> FileResponse:
-    """Download the plan file."""
-    if service.plans.read(identity)["state"] != "done":
-        raise ServiceError(409, f"plans/{identity}: is not done", "wait until its state is done")
-    return FileResponse(service.plans.path(identity, "plan.h5"), filename="plan.h5")
 
 
 async def _solve(service: State, identity: str, arguments: dict[str, Any]) -> None:
+    def note(event: dict[str, Any]) -> None:
+        service.progress[identity] = {"stage": event["stage"], "fraction": event["fraction"]}
+
     async with service.planners:
         service.plans.update(identity, state="running")
-        child = await Child.start(TASKS, ["plan"], arguments)
-
-        def note(event: dict[str, Any]) -> None:
-            service.progress[identity] = {"stage": event["stage"], "fraction": event["fraction"]}
-
         try:
-            event = await child.last_event(note)
+            service.solving[identity] = await Child.start(TASKS, ["plan"], arguments)
+            event = await service.solving[identity].last_event(note)
         finally:
+            service.solving.pop(identity, None)
             service.progress.pop(identity, None)
     if event["event"] == "failed":
         error = problem(422, event["code"], event["message"], event["hint"])

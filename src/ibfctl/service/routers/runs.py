@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, get_args
 
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict
 
 from ibfctl.service.children import RUN_WORKER, TASKS, Child
+from ibfctl.service.models import Page, RunRecord
 from ibfctl.service.problems import ServiceError, problem
+from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.state import Service, State
+from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/runs", tags=["runs"])
+
+RunFile = Literal["run.h5", "residual.npz", "residuals.png"]
+_FILES: tuple[RunFile, ...] = get_args(RunFile)
 
 
 class RunRequest(BaseModel):
@@ -23,65 +29,89 @@ class RunRequest(BaseModel):
     plan_id: str
 
 
-@router.post("", status_code=202)
-async def start_run(request: RunRequest, response: Response, service: Service) -> dict[str, Any]:
+@router.post(
+    "", status_code=202, response_model=RunRecord, response_model_exclude_none=True, responses=refusals(404, 409)
+)
+async def start_run(request: RunRequest, response: Response, service: Service, key: Key = None) -> Record:
     """Stream a plan to the controller of the machine file, or to an emulated one."""
-    plan = service.plans.read(request.plan_id)
-    if plan["state"] != "done":
-        raise ServiceError(409, f"plans/{request.plan_id}: is not done", "wait until its state is done")
+    fingerprint = fingerprint_of(request.model_dump())
     async with service.starting_run:
-        return await _start(plan["id"], response, service)
+        record = service.runs.recall(key, fingerprint)
+        if record is None:
+            record = await _start(request.plan_id, service)
+            service.runs.remember(key, fingerprint, record["id"])
+    response.headers["Location"] = f"/v1/runs/{record['id']}"
+    return _shown(service, record)
 
 
-async def _start(plan_id: str, response: Response, service: State) -> dict[str, Any]:
+@router.get("", response_model=Page[RunRecord], response_model_exclude_none=True, responses=refusals())
+async def list_runs(service: Service, limit: Limit = 100, after: After = None) -> dict[str, Any]:
+    """List runs."""
+    return page(service.runs, limit, after, lambda record: _shown(service, record))
+
+
+@router.get("/{identity}", response_model=RunRecord, response_model_exclude_none=True, responses=refusals(404))
+async def show_run(identity: Identity, service: Service) -> Record:
+    """Show a run: progress with the buffer margin in seconds while it moves, then its figures or what failed."""
+    return _shown(service, service.runs.read(identity))
+
+
+@router.post(
+    "/{identity}/abort",
+    status_code=202,
+    response_model=RunRecord,
+    response_model_exclude_none=True,
+    responses=refusals(404),
+)
+async def abort_run(identity: Identity, service: Service) -> Record:
+    """Close the beam gate and stop all motion at once; a run that is over stays as it is."""
+    if identity in service.running:
+        await service.running[identity].tell("abort")
+    return _shown(service, service.runs.read(identity))
+
+
+@router.get("/{identity}/{name}", response_class=FileResponse, responses=refusals(404, 409))
+async def get_run_file(identity: Identity, name: RunFile, service: Service) -> FileResponse:
+    """Download a file of a simulated run."""
+    record = service.runs.read(identity)
+    if record["state"] != "done" or not record["simulated"]:
+        raise ServiceError(409, f"runs/{identity}: has no files", "only a simulated run that is done has them")
+    arguments = {
+        "plan": str(service.plans.path(record["plan_id"], "plan.h5")),
+        "run": str(service.runs.path(identity, "run.h5")),
+    }
+    return await file_on_demand(service.runs, identity, name, "run-files", arguments)
+
+
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+async def delete_run(identity: Identity, service: Service) -> None:
+    """Delete a run that is over."""
+    service.runs.read(identity)
+    if identity in service.running:
+        raise ServiceError(409, f"runs/{identity}: is under way", "wait for its end or abort it")
+    service.runs.delete(identity)
+
+
+def _shown(service: State, record: Record) -> Record:
+    shown = linked(service.runs, record, _FILES if record["state"] == "done" and record["simulated"] else ())
+    return {**shown, "progress": service.progress.get(record["id"])}
+
+
+async def _start(plan_id: str, service: State) -> Record:
+    if service.plans.read(plan_id)["state"] != "done":
+        raise ServiceError(409, f"plans/{plan_id}: is not done", "wait until its state is done")
     if service.running:
-        busy = ", ".join(service.running)
-        raise ServiceError(409, f"runs/{busy}: is under way", "wait for its end or abort it")
+        raise ServiceError(409, f"runs/{', '.join(service.running)}: is under way", "wait for its end or abort it")
     identity = service.runs.create()
     record = service.runs.write(
-        identity,
-        {"state": "running", "plan_id": plan_id, "simulated": service.settings.simulate},
+        identity, {"state": "running", "plan_id": plan_id, "simulated": service.settings.simulate}
     )
     job: dict[str, Any] = {"plan": str(service.plans.path(plan_id, "plan.h5"))}
     if service.settings.simulate:
         job |= {"trace": str(service.runs.path(identity, "trace.h5")), "speed": service.settings.speed}
     service.running[identity] = await Child.start(RUN_WORKER, [], job)
     service.start(_stream(service, identity, job))
-    response.headers["Location"] = f"/v1/runs/{identity}"
     return record
-
-
-@router.get("")
-async def list_runs(service: Service) -> list[dict[str, Any]]:
-    """List all runs, oldest first."""
-    return service.runs.records()
-
-
-@router.get("/{identity}")
-async def show_run(identity: str, service: Service) -> dict[str, Any]:
-    """Show a run: its progress with the buffer margin in seconds while it moves, then its figures or what failed."""
-    record = service.runs.read(identity)
-    return record | {"progress": service.progress[identity]} if identity in service.progress else record
-
-
-@router.post("/{identity}/abort", status_code=202)
-async def abort_run(identity: str, service: Service) -> dict[str, Any]:
-    """Close the beam gate and stop all motion at once; a run that is over stays as it is."""
-    record = service.runs.read(identity)
-    if identity in service.running:
-        await service.running[identity].tell("abort")
-    return record
-
-
-@router.get("/{identity}/run.h5", response_class=FileResponse)
-async def get_run_file(identity: str, service: Service) -> FileResponse:
-    """Download the run file."""
-    path = service.runs.path(service.runs.read(identity)["id"], "run.h5")
-    if not path.is_file():
-        raise ServiceError(
-            409, f"runs/{identity}: has no run file", "only a simulated run that is done has one"
-        )
-    return FileResponse(path, filename="run.h5")
 
 
 async def _stream(service: State, identity: str, job: dict[str, Any]) -> None:
@@ -107,9 +137,7 @@ async def _stream(service: State, identity: str, job: dict[str, Any]) -> None:
     service.runs.update(identity, state=state, error=error)
 
 
-async def _record(
-    service: State, identity: str, job: dict[str, Any], outcome: dict[str, Any]
-) -> dict[str, Any]:
+async def _record(service: State, identity: str, job: dict[str, Any], outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the event of the task that finds what was removed; a real controller leaves no trace to it."""
     if "trace" not in job:
         return {"event": "finished", "figures": outcome}

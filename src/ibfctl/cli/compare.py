@@ -1,0 +1,92 @@
+"""`ibfctl compare`: schedulers side by side on the same paths and dwell times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import click
+
+from ibfctl.cli.options import covering_options, json_option, machine_option, unit_options
+from ibfctl.cli.output import print_json
+from ibfctl.cli.progress import progress
+from ibfctl.cli.words import comparison_lines
+
+if TYPE_CHECKING:
+    from ibfctl.surface.map import Rectangle
+
+_KINDS = ("raster", "maze")
+
+
+@click.command(name="compare")
+@click.argument("surface_map", metavar="MAP")
+@click.argument("influence", metavar="TIF")
+@machine_option(required=True)
+@click.option(
+    "--path",
+    "kinds",
+    type=click.Choice(_KINDS),
+    multiple=True,
+    default=_KINDS,
+    show_default=True,
+    help="Path to compare on, may be repeated; a raster along x and along y.",
+)
+@covering_options
+@click.option(
+    "--jerk-max-mm-s3",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Compare also PVT with this limit of the jerk, mm/s³.",
+)
+@unit_options
+@json_option
+def command(
+    surface_map: str,
+    influence: str,
+    machine: Path,
+    kinds: tuple[str, ...],
+    seed: int,
+    pitch_mm: float,
+    step_mm: float,
+    clear_aperture: Rectangle | None,
+    remove: str,
+    corridor_mm: float | None,
+    jerk_max_mm_s3: float | None,
+    map_pixel_mm: float | None,
+    map_unit: str | None,
+    map_array: str | None,
+    tif_pixel_mm: float | None,
+    tif_unit: str | None,
+    as_json: bool,
+) -> None:
+    """Compare schedulers: PVT with and without motion in the loop, constant acceleration, position mode.
+
+    All get the same dwell times on a path; what each leaves is computed from its own motion. MAP and TIF are as
+    for `ibfctl plan`. Nothing is written, and the baselines are never sent to a machine.
+    """
+    from ibfctl.jobs.plan_files import InfluenceFile, MapFile
+    from ibfctl.machine.description import read_machine
+    from ibfctl.planning.comparison import compare, path_choices, summary
+    from ibfctl.planning.options import PlanOptions, Removed
+
+    options = PlanOptions(
+        seed=seed,
+        pitch_mm=pitch_mm,
+        step_mm=step_mm,
+        clear_aperture=clear_aperture,
+        remove=cast(Removed, remove),
+        corridor_mm=corridor_mm,
+    )
+    with progress() as report:
+        compared = compare(
+            MapFile(surface_map, map_pixel_mm, map_unit, map_array).read(),
+            InfluenceFile(influence, tif_pixel_mm, tif_unit).read(),
+            read_machine(machine),
+            path_choices(kinds, options),
+            jerk_max_mm_s3=jerk_max_mm_s3,
+            progress=report,
+        )
+    figures = summary(compared)
+    if as_json:
+        print_json(figures)
+    else:
+        click.echo("\n".join(comparison_lines(figures)))

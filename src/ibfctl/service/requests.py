@@ -1,0 +1,69 @@
+"""What all routers share: parameters, pages, files on demand, and the problems that an operation may answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from fastapi import Header, Path, Query
+from fastapi.responses import FileResponse
+
+from ibfctl.service.children import TASKS, Child
+from ibfctl.service.problems import MEDIA_TYPE, Problem, ServiceError
+from ibfctl.service.store import Collection, Record
+
+Key = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=200,
+        description="A request that is repeated with the same key makes nothing new.",
+    ),
+]
+Identity = Annotated[str, Path(description="Id of the resource.", examples=["019ab2c4d5e6f708"])]
+Limit = Annotated[int, Query(ge=1, le=1000, description="Most items on a page.")]
+After = Annotated[str | None, Query(description="Id of the last item of the page before.")]
+
+_MEANINGS = {
+    403: "The request comes from another computer or a foreign page.",
+    404: "There is no such resource.",
+    409: "Not now, or not so: the problem says why.",
+    413: "The body is larger than the service accepts.",
+    422: "The request cannot be carried out as it is.",
+}
+
+
+def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Describe the problems that an operation may answer, for its documentation."""
+    content = {MEDIA_TYPE: {"schema": Problem.model_json_schema()}}
+    return {status: {"description": _MEANINGS[status], "content": content} for status in (403, 422, *statuses)}
+
+
+def page(collection: Collection, limit: int, after: str | None, show: Callable[[Record], Record]) -> dict[str, Any]:
+    """Return one page of a collection, oldest first."""
+    ids = [identity for identity in collection.ids() if after is None or identity > after]
+    shown = ids[:limit]
+    more = f"/v1/{collection.kind}?limit={limit}&after={shown[-1]}" if len(ids) > limit else None
+    return {"items": [show(collection.read(identity)) for identity in shown], "next": more}
+
+
+def linked(collection: Collection, record: Record, names: tuple[str, ...] = ()) -> Record:
+    """Return a record with links to itself and to its files."""
+    place = f"/v1/{collection.kind}/{record['id']}"
+    return {**record, "links": {"self": place, **{name: f"{place}/{name}" for name in names}}}
+
+
+async def file_on_demand(
+    collection: Collection, identity: str, name: str, task: str, arguments: dict[str, Any]
+) -> FileResponse:
+    """Answer a file of a resource; a task makes it, and its kin, when it is first asked for."""
+    path = collection.path(identity, name)
+    if not path.is_file():
+        child = await Child.start(TASKS, [task], {**arguments, "folder": str(path.parent)})
+        event = await child.last_event(lambda progress: None)
+        if event["event"] == "failed":
+            raise ServiceError(422, event["message"], event["hint"], event["code"])
+    if not path.is_file():
+        raise ServiceError(409, f"{collection.kind}/{identity}: has no {name}", "see its links for what it has")
+    return FileResponse(path, filename=name)
