@@ -20,8 +20,9 @@ from ibfctl.surface.map import SurfaceMap
 
 FloatArray = NDArray[np.float64]
 
-# Cells per full width at half maximum of the influence function.
+# Cells per full width at half maximum of the influence function: to finish on, and to search on.
 CELLS_PER_WIDTH = 8
+COARSE_CELLS_PER_WIDTH = 4
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,9 @@ def full_width_mm(influence: InfluenceFunction) -> float:
     return float(np.sqrt(8 * np.log(2)) * min(widths))
 
 
-def cell_size(surface: SurfaceMap, influence: InfluenceFunction) -> int:
+def cell_size(surface: SurfaceMap, influence: InfluenceFunction, per_width: int = CELLS_PER_WIDTH) -> int:
     """Pixels per side of a cell."""
-    return max(1, int(full_width_mm(influence) / (CELLS_PER_WIDTH * surface.pixel_mm)))
+    return max(1, int(full_width_mm(influence) / (per_width * surface.pixel_mm)))
 
 
 def make_misfit(

@@ -21,16 +21,20 @@ from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation
 __all__ = ["Aim", "Effort", "TradeOff", "TradeOffPoint", "aim_at"]
 
 FloatArray = NDArray[np.float64]
+# How much longer the finish may make a run.
+_TIME_SLACK = 1.01
+
 Residual = Callable[[FloatArray], float]
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to search: iterations to the floor, then rounds of steering the price."""
+    """How long to search: iterations to the floor, rounds of steering the price, iterations to finish."""
 
     floor_iterations: int = 500
     rounds: int = 20
     iterations_per_round: int = 25
+    finishing_iterations: int = 150
 
 
 def aim_at(
@@ -40,6 +44,7 @@ def aim_at(
     *,
     start_s: FloatArray,
     regularisation: Regularisation,
+    coarse: DwellProblem | None = None,
     effort: Effort | None = None,
     cancelled: Cancelled = never,
     progress: Share = ignored,
@@ -56,6 +61,8 @@ def aim_at(
         Shortest time within a margin of the floor, or within a limit on time or residual.
     start_s : (n,) float64
         Where a descent starts.
+    coarse
+        The same problem on coarser cells, on which a descent searches before it finishes on `problem`.
     effort
         How long a descent may be.
     progress
@@ -64,7 +71,30 @@ def aim_at(
     small = None if np.isfinite(problem.upper_s).any() else compress(problem)
     if small is not None:
         return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled, progress)
-    return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort or Effort(), cancelled, progress)
+    effort = effort or Effort()
+    if coarse is None:
+        return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort, cancelled, progress)
+    found = _by_descent(coarse, residual_nm, aim, start_s, regularisation, effort, cancelled, progress)
+    return _finished(problem, found, residual_nm, regularisation, effort, cancelled)
+
+
+def _finished(
+    problem: DwellProblem,
+    found: TradeOff,
+    residual_nm: Residual,
+    regularisation: Regularisation,
+    effort: Effort,
+    cancelled: Cancelled,
+) -> TradeOff:
+    """Finish on the finer cells, at the price that the coarser ones have led to."""
+    chosen = found.chosen
+    descent = Descent(problem, regularisation, chosen.time_s, cancelled)
+    descent.advance(chosen.price_nm2_s, effort.finishing_iterations, 1e-7)
+    time_s = descent.time_s
+    finer = TradeOffPoint(chosen.price_nm2_s, residual_nm(time_s), float(time_s.sum()), time_s)
+    # On finer cells more is seen: take it unless it costs what was aimed at.
+    keep = finer.rms_nm <= chosen.rms_nm and finer.total_time_s <= chosen.total_time_s * _TIME_SLACK
+    return TradeOff(found.floor, finer if keep else chosen)
 
 
 def _by_descent(

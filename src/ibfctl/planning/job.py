@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ibfctl.dwell.deposition import Grid, grid_of
-from ibfctl.dwell.misfit import Misfit, cell_size, make_misfit
+from ibfctl.dwell.misfit import (
+    CELLS_PER_WIDTH,
+    COARSE_CELLS_PER_WIDTH,
+    Misfit,
+    cell_size,
+    make_misfit,
+)
 from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import DwellProblem
 from ibfctl.errors import InputError
@@ -42,8 +48,8 @@ class PlanningJob:
         Free terms over the clear aperture.
     target_nm : (m,) float64
         Levelled height of the pixels of the clear aperture.
-    misfit
-        The same, averaged over cells, for the solver.
+    misfit, coarse
+        The same, averaged over cells, for the solver to finish and to search on.
     path
         Nodes; its overrun included.
     lower_s : (n,) float64
@@ -60,6 +66,7 @@ class PlanningJob:
     levelling: Levelling
     target_nm: FloatArray
     misfit: Misfit
+    coarse: Misfit
     path: ToolPath
     lower_s: FloatArray
     corridor_mm: float
@@ -87,6 +94,14 @@ class PlanningJob:
         """Least-squares problem of an operator on the cells, with lower bounds (n,)."""
         return DwellProblem(operator, self.misfit, lower_s, np.full(lower_s.size, np.inf), self.path.straight)
 
+    def ideal_problem(self, misfit: Misfit) -> DwellProblem:
+        """Least-squares problem of the dwell points on the cells of `misfit`."""
+        path = self.path
+        operator = RemovalOperator(
+            misfit.grid, misfit.influence, path.dwell_x_mm, path.dwell_y_mm, precision=np.float32
+        )
+        return DwellProblem(operator, misfit, self.lower_s, np.full(self.lower_s.size, np.inf), path.straight)
+
 
 def prepare(
     surface: SurfaceMap, influence: InfluenceFunction, machine: MachineDescription, options: PlanOptions
@@ -104,7 +119,10 @@ def prepare(
     mask = clear_aperture_mask(surface, options.clear_aperture)
     levelling = Levelling.over(mask, options.remove)
     path = make_path(surface, mask, influence, options)
-    misfit = make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence))
+    misfit, coarse = (
+        make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width))
+        for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
+    )
     lower_s = shortest_times(path, machine)
     if options.dwell_min_s is not None:
         if not (np.isfinite(options.dwell_min_s) and options.dwell_min_s >= 0):
@@ -119,6 +137,7 @@ def prepare(
         levelling,
         levelling(surface.height_nm[mask]),
         misfit,
+        coarse,
         path,
         lower_s,
         corridor_of(options),

@@ -124,14 +124,12 @@ def solve_dwell(
             f"plan: this path takes the machine at least {job.lower_s.sum():.1f} s, more than {aim.max_time_s:g} s",
             "allow more time, or choose a larger pitch or step",
         )
-    operator = RemovalOperator(
-        job.misfit.grid, job.misfit.influence, job.path.dwell_x_mm, job.path.dwell_y_mm, precision=np.float32
-    )
     found = aim_at(
-        job.problem(operator, job.lower_s),
+        job.ideal_problem(job.misfit),
         lambda time_s: job.rms_nm(ideal(time_s)),
         aim,
         start_s=job.lower_s,
+        coarse=job.ideal_problem(job.coarse),
         regularisation=regularisation,
         cancelled=cancelled,
         progress=progress,
