@@ -1,0 +1,166 @@
+"""Schedulers side by side on the same paths and dwell times, judged by the motion that each would execute.
+
+The comparison of Wang et al. 2023, J. Manuf. Process. 88, Figs. 5 and 6, in figures. Baselines are never sent to a
+machine: they end here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.dwell.operator import RemovalOperator, removal_of_samples
+from ibfctl.dwell.solver import Cancelled, Regularisation, never
+from ibfctl.errors import CancelledError
+from ibfctl.machine.description import MachineDescription
+from ibfctl.path.figures import PathFigures, path_figures
+from ibfctl.planning.aperture import pixels_of
+from ibfctl.planning.job import PlanningJob, prepare
+from ibfctl.planning.loop import execute, refine
+from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.planner import Progress, solve_dwell
+from ibfctl.schedule.baselines.constant_acceleration import constant_acceleration
+from ibfctl.schedule.baselines.motion import Motion, motion_of_schedule
+from ibfctl.schedule.baselines.position_mode import position_mode
+from ibfctl.schedule.scheduler import schedule
+from ibfctl.surface.influence import InfluenceFunction
+from ibfctl.surface.map import SurfaceMap
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SchedulerFigures:
+    """What one scheduler makes of a path and its dwell times.
+
+    Attributes
+    ----------
+    overshoot_mm
+        How far an axis leaves the range between the two ends of the segment that it is on.
+    excursion_mm
+        Largest distance from the segment that the motion is on. Position mode is measured against the straight
+        lines between dwell points, which it walks.
+    largest_acceleration_jump_mm_s2, rms_acceleration_jump_mm_s2
+        Jumps of the acceleration; the second is the root of the sum of their squares over the number of segments.
+    peak_acceleration_mm_s2
+        By coordinate.
+    total_time_s
+        Run time.
+    executed_rms_nm
+        Residual after the motion.
+    """
+
+    overshoot_mm: float
+    excursion_mm: float
+    largest_acceleration_jump_mm_s2: float
+    rms_acceleration_jump_mm_s2: float
+    peak_acceleration_mm_s2: Mapping[str, float]
+    total_time_s: float
+    executed_rms_nm: float
+
+
+@dataclass(frozen=True)
+class ComparedPath:
+    """One path: what it covers, what dwell points could leave, and what each scheduler leaves."""
+
+    path: PathFigures
+    ideal_rms_nm: float
+    schedulers: Mapping[str, SchedulerFigures]
+
+
+def compare(
+    surface: SurfaceMap,
+    influence: InfluenceFunction,
+    machine: MachineDescription,
+    paths: Mapping[str, PlanOptions],
+    *,
+    jerk_max_mm_s3: float | None = None,
+    progress: Progress | None = None,
+    cancelled: Cancelled = never,
+) -> dict[str, ComparedPath]:
+    """Compare the schedulers on each of `paths`, by the name of the path.
+
+    Parameters
+    ----------
+    surface, influence, machine
+        As for a plan.
+    paths
+        Options by name, as of `path_choices`.
+    jerk_max_mm_s3
+        Compare also a PVT schedule with this limit of the jerk.
+
+    Raises
+    ------
+    InputError, LimitsError, SolverError, CancelledError
+        As `make_plan` does.
+    """
+    compared = {}
+    for index, (name, options) in enumerate(paths.items()):
+        if progress is not None:
+            progress(f"comparing on {name}", index / len(paths))
+        compared[name] = compare_on(prepare(surface, influence, machine, options), jerk_max_mm_s3, cancelled)
+    if progress is not None:
+        progress("compared", 1.0)
+    return compared
+
+
+def path_choices(kinds: tuple[str, ...], options: PlanOptions) -> dict[str, PlanOptions]:
+    """Options by name for the kinds "raster" (along x and along y) and "maze"."""
+    choices = {}
+    for kind in kinds:
+        if kind == "raster":
+            choices["raster x"] = replace(options, path="raster", scan_axis="x")
+            choices["raster y"] = replace(options, path="raster", scan_axis="y")
+        else:
+            choices["maze"] = replace(options, path="maze")
+    return choices
+
+
+def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled: Cancelled = never) -> ComparedPath:
+    """Compare the schedulers on the path of a job: all get the times that the plain chain's program takes."""
+    operator = RemovalOperator(job.grid, job.influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
+    regularisation = Regularisation(job.options.tikhonov)
+    chosen = solve_dwell(job, operator, regularisation, cancelled).chosen
+    plain = execute(job, chosen.time_s)
+    dwell_s = plain.scheduled.segment_time_s
+
+    def motions() -> Iterator[tuple[str, Motion]]:
+        yield "pvt", motion_of_schedule(plain.scheduled)
+        if jerk_max_mm_s3 is not None:
+            limited = schedule(
+                job.path, dwell_s, job.machine, job.corridor_mm, stretch=True, jerk_max_mm_s3=jerk_max_mm_s3
+            )
+            yield "pvt, jerk limited", motion_of_schedule(limited)
+        best, _ = refine(job, plain, chosen.price_nm2_s, regularisation, cancelled)
+        yield "pvt, motion in the loop", motion_of_schedule(best.scheduled)
+        yield "constant acceleration", constant_acceleration(job.path, dwell_s, job.machine)
+        yield "position mode", position_mode(job.path, dwell_s, job.machine)
+
+    figures = {}
+    for name, motion in motions():
+        if cancelled():
+            raise CancelledError("the comparison was cancelled", "start it again when wanted")
+        figures[name] = _figures(job, motion)
+    gap = path_figures(job.path, pixels_of(job.surface, job.clear_aperture))
+    return ComparedPath(gap, job.rms_nm(operator(chosen.time_s)), figures)
+
+
+def summary(compared: Mapping[str, ComparedPath]) -> dict[str, object]:
+    """Return the JSON form that `ibfctl compare --json` prints."""
+    return {"paths": {name: asdict(figures) for name, figures in compared.items()}}
+
+
+def _figures(job: PlanningJob, motion: Motion) -> SchedulerFigures:
+    x_mm, y_mm, time_s, _ = motion.samples()
+    return SchedulerFigures(
+        motion.overshoot_mm,
+        motion.excursion_mm,
+        motion.largest_acceleration_jump_mm_s2,
+        motion.rms_acceleration_jump_mm_s2,
+        motion.peak_acceleration_mm_s2,
+        motion.total_time_s,
+        job.rms_nm(removal_of_samples(job.grid, job.influence, x_mm, y_mm, time_s)),
+    )
