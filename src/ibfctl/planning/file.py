@@ -16,8 +16,9 @@ Layout (docs/file-formats.md explains it; names are stable):
 ``/prediction/residual_nm, ideal_residual_nm, initial_nm, removal_nm, clear_aperture``
     (ny, nx): after the executed removal, after the ideal one, before, and the executed removal itself.
 ``/`` attributes
-    `format`, `version` (of ibfctl), `machine`, `options`, `certificate`, `rounds`, `inputs` (names and SHA-256),
-    all JSON, and `planning_time_s`. `/map`, `/influence` and `/prediction` are absent where only a schedule was made.
+    `format`, `version` (of ibfctl), `machine`, `options`, `certificate`, `rounds`, `trade_off`, `inputs` (names and
+    SHA-256), all JSON, and `planning_time_s`. `/map`, `/influence` and `/prediction` are absent where only a schedule
+    was made.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import AxisProgram, PvtProgram
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import DwellPlan, InputFile, Plan, Prediction, Round
+from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round
 from ibfctl.schedule.certificate import Certificate, Check
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
@@ -49,6 +50,7 @@ _OPTIONS = TypeAdapter(PlanOptions)
 _INPUTS = TypeAdapter(dict[str, InputFile])
 _CHECKS = TypeAdapter(tuple[Check, ...])
 _ROUNDS = TypeAdapter(tuple[Round, ...])
+_CURVE = TypeAdapter(tuple[CurvePoint, ...])
 _COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
@@ -71,6 +73,7 @@ def _fill(file: h5py.File, plan: Plan) -> None:
     file.attrs["options"] = _OPTIONS.dump_json(plan.options).decode()
     file.attrs["certificate"] = _CHECKS.dump_json(plan.certificate.checks).decode()
     file.attrs["rounds"] = _ROUNDS.dump_json(plan.rounds).decode()
+    file.attrs["trade_off"] = _CURVE.dump_json(plan.trade_off).decode()
     file.attrs["inputs"] = json.dumps({role: asdict(item) for role, item in plan.inputs.items()})
     file.attrs["planning_time_s"] = plan.planning_time_s
     for letter, axis in plan.program.axes.items():
@@ -133,6 +136,7 @@ def read_plan(path: Path) -> Plan:
             _ROUNDS.validate_json(file.attrs["rounds"]),
             _INPUTS.validate_json(file.attrs["inputs"]),
             float(file.attrs["planning_time_s"]),
+            _CURVE.validate_json(file.attrs.get("trade_off", "[]")),
         )
 
 

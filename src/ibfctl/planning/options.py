@@ -42,6 +42,10 @@ class PlanOptions:
         Balance of residual and time.
     tikhonov
         Tikhonov factor relative to the largest eigenvalue of the removal operator's normal operator.
+    l_curve
+        Whether the factor is found at the corner of the L-curve; the plan's options then hold what was found.
+    trade_off
+        Whether the whole curve of residual against time goes into the plan.
     """
 
     path: Literal["raster", "maze", "nodes"] | Path = "raster"
@@ -56,3 +60,5 @@ class PlanOptions:
     loop: bool = True
     aim: Aim = field(default_factory=Aim)
     tikhonov: float = 1e-8
+    l_curve: bool = False
+    trade_off: bool = False

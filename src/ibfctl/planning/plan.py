@@ -96,6 +96,23 @@ class Round:
 
 
 @dataclass(frozen=True)
+class CurvePoint:
+    """A point on the curve of residual against time, before scheduling.
+
+    Attributes
+    ----------
+    total_time_s, rms_nm
+        Sum of the dwell times, and the residual that they leave at their dwell points.
+    chosen
+        Whether the plan was made from it.
+    """
+
+    total_time_s: float
+    rms_nm: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
 class Plan:
     """A plan with its proof.
 
@@ -109,6 +126,8 @@ class Plan:
         What was given and is expected; None where only a schedule was asked for.
     rounds
         What each round of motion in the loop reached, the plain chain first; empty without the loop.
+    trade_off
+        The curve of residual against time, by rising time; empty where it was not asked for.
     inputs
         Name and hash of every input, by role ("map", "influence", "machine", ...).
     planning_time_s
@@ -127,6 +146,7 @@ class Plan:
     rounds: tuple[Round, ...] = ()
     inputs: Mapping[str, InputFile] = field(default_factory=dict)
     planning_time_s: float = 0.0
+    trade_off: tuple[CurvePoint, ...] = ()
 
     def summary(self) -> dict[str, object]:
         """Return the JSON form that `ibfctl plan --json` prints; `schedule` has no residuals."""
@@ -140,6 +160,8 @@ class Plan:
                 values = residual_nm[self.prediction.clear_aperture]
                 figures[f"{name}_rms_nm"] = rms(values)
                 figures[f"{name}_pv_nm"] = peak_to_valley(values)
+        if self.trade_off:
+            figures["trade_off"] = [asdict(point) for point in self.trade_off]
         return figures | {
             "total_time_s": self.program.total_time_s,
             "nodes": int(self.path.x_mm.size),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.dwell.aim import Share, TradeOff, ignored
+from ibfctl.dwell.aim import Share, TradeOff, TradeOffPoint, ignored
+from ibfctl.dwell.curve import walk
+from ibfctl.dwell.l_curve import l_curve
 from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import Cancelled, Regularisation, never
 from ibfctl.dwell.trade_off import aim_at
@@ -18,7 +21,7 @@ from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.job import PlanningJob, corridor_of, prepare
 from ibfctl.planning.loop import execute, refine
 from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import DwellPlan, InputFile, Plan, Prediction, Round, levelled
+from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round, levelled
 from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
@@ -69,12 +72,21 @@ def make_plan(
 
     stage("laying the path", 0.0)
     job = prepare(surface, influence, machine, options)
+    if options.l_curve:
+        stage("finding the Tikhonov factor", 0.1)
+        corner = l_curve(job.ideal_problem(job.coarse), job.lower_s, Regularisation(), cancelled=stop)
+        options = replace(options, tikhonov=corner.chosen)
     stage("solving dwell times", 0.1)
     ideal = RemovalOperator(job.grid, influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
     regularisation = Regularisation(options.tikhonov)
-    chosen = solve_dwell(
+    solved = solve_dwell(
         job, ideal, regularisation, stop, lambda share: report("solving dwell times", 0.1 + 0.5 * share)
-    ).chosen
+    )
+    chosen = solved.chosen
+    trade_off: tuple[CurvePoint, ...] = ()
+    if options.trade_off:
+        stage("walking the curve of residual against time", 0.6)
+        chosen, trade_off = _walked(job, ideal, solved, regularisation, stop)
     stage("scheduling", 0.6)
     best = execute(job, chosen.time_s)
     rounds: tuple[Round, ...] = ()
@@ -101,7 +113,23 @@ def make_plan(
         rounds,
         dict(inputs or {}),
         time.perf_counter() - begin,
+        trade_off,
     )
+
+
+def _walked(
+    job: PlanningJob, ideal: RemovalOperator, solved: TradeOff, regularisation: Regularisation, cancelled: Cancelled
+) -> tuple[TradeOffPoint, tuple[CurvePoint, ...]]:
+    """Walk the whole curve; return the point that is chosen on it, and the figures of all."""
+    curve = walk(
+        job.ideal_problem(job.misfit),
+        lambda time_s: job.rms_nm(ideal(time_s)),
+        solved,
+        regularisation=regularisation,
+        cancelled=cancelled,
+    )
+    figures = (CurvePoint(point.total_time_s, point.rms_nm, point is curve.chosen) for point in curve.points)
+    return curve.chosen, tuple(figures)
 
 
 def solve_dwell(
