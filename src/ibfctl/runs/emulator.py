@@ -34,7 +34,8 @@ class EmulatedController:
 
     def in_place_of(self, machine: MachineDescription) -> MachineDescription:
         """Return `machine` with the emulated controller instead of its own."""
-        connection = machine.connection.model_copy(update={"host": self.host, "port": self.port})
+        address = {"host": self.host, "port": self.port, "serial": None}
+        connection = machine.connection.model_copy(update=address)
         return machine.model_copy(update={"connection": connection})
 
 

@@ -118,3 +118,25 @@ def test_a_wrong_sample_time_is_refused_before_anything_moves(
     with pytest.raises(ControllerError, match="a sample of the controller lasts"):
         execute(program(10), bench, controller, time_scale=SPEED * 1.024)
     assert not any(axis.motor_on for axis in controller.status().values())
+
+
+def test_an_abort_on_the_way_to_the_start_stops_the_axes(trace_file: Path) -> None:
+    abort = threading.Event()
+
+    def abort_once_it_moves() -> None:
+        while controller.status()["A"].position_counts < 1000:
+            pass
+        abort.set()
+
+    with emulated_controller(trace_file) as emulated:
+        bench = emulated.in_place_of(machine())
+        with connected(bench) as controller:
+            watching = threading.Thread(target=abort_once_it_moves)
+            watching.start()
+            with pytest.raises(AbortedError):
+                execute(program(20, start_counts=(90_000, 0)), bench, controller, abort=abort)
+            watching.join()
+            standing = controller.status()["A"]
+    assert not standing.moving
+    assert 1000 < standing.position_counts < 90_000
+    assert not read_emulator_trace(trace_file, bench).gate_open.any()
