@@ -10,13 +10,28 @@ import click
 from ibfctl.cli.options import covering_options, json_option, machine_option, output_option, unit_options
 from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.progress import progress
-from ibfctl.cli.words import plan_lines
+from ibfctl.cli.words import plan_lines, trade_off_table
 
 if TYPE_CHECKING:
+    from ibfctl.planning.plan import Plan
     from ibfctl.surface.map import Rectangle
 
 _MADE_PATHS = ("raster", "maze")
 _POSITIVE = click.FloatRange(min=0, min_open=True)
+_L_CURVE = "l-curve"
+
+
+def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """Take a factor, or the word for finding it."""
+    if value is None or value == _L_CURVE:
+        return value
+    try:
+        factor = float(value)
+    except ValueError:
+        factor = -1.0
+    if not 0 <= factor <= 1:
+        raise click.BadParameter(f"{value!r} is neither a factor from 0 to 1 nor {_L_CURVE}.", ctx, param)
+    return factor
 
 
 @click.command(name="plan")
@@ -33,9 +48,17 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 @click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
 @covering_options
 @click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own.")
+@click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
 @click.option("--max-time", type=_POSITIVE, help="Longest run time, s: the best residual within it.")
 @click.option("--max-residual", type=_POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
 @click.option("--loop/--no-loop", default=True, show_default=True, help="Correct dwell times for the motion executed.")
+@click.option(
+    "--tikhonov",
+    metavar="VALUE|l-curve",
+    callback=_tikhonov,
+    help="Tikhonov factor, relative to the largest eigenvalue, or found by the L-curve; default: 1e-8.",
+)
+@click.option("--trade-off", is_flag=True, help="Show the whole curve of residual against time.")
 @unit_options
 @output_option("plan.h5")
 @json_option
@@ -52,9 +75,12 @@ def command(
     remove: str,
     dwell_min_s: float | None,
     corridor_mm: float | None,
+    margin: float | None,
     max_time: float | None,
     max_residual: float | None,
     loop: bool,
+    tikhonov: float | str | None,
+    trade_off: bool,
     map_pixel_mm: float | None,
     map_unit: str | None,
     map_array: str | None,
@@ -68,12 +94,13 @@ def command(
     MAP is a surface (.npz, .mat, .csv, .xyz); TIF is the tool influence function: such a file, or
     gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..
     """
-    if max_time is not None and max_residual is not None:
-        raise click.UsageError("--max-time and --max-residual exclude each other.")
+    if sum(choice is not None for choice in (margin, max_time, max_residual)) > 1:
+        raise click.UsageError("--margin, --max-time and --max-residual exclude each other.")
     check_writable(output)
     from ibfctl.jobs.plan_files import InfluenceFile, MapFile, plan_files
     from ibfctl.planning.options import Aim, PlanOptions, Removed
 
+    default = PlanOptions()
     options = PlanOptions(
         path=cast('Literal["raster", "maze"]', path) if path in _MADE_PATHS else Path(path),
         seed=seed,
@@ -85,7 +112,10 @@ def command(
         dwell_min_s=dwell_min_s,
         corridor_mm=corridor_mm,
         loop=loop,
-        aim=Aim(max_time_s=max_time, max_residual_nm=max_residual),
+        aim=Aim(default.aim.margin if margin is None else margin, max_time, max_residual),
+        tikhonov=tikhonov if isinstance(tikhonov, float) else default.tikhonov,
+        l_curve=tikhonov == _L_CURVE,
+        trade_off=trade_off,
     )
     with progress() as report:
         plan = plan_files(
@@ -96,7 +126,19 @@ def command(
             output,
             on_progress=report,
         )
+    figures = plan.summary()
     if as_json:
-        print_json(plan.summary())
-    else:
-        print_lines([*plan_lines(plan.summary()), ("written", str(output))])
+        print_json(figures)
+        return
+    print_lines([*plan_lines(figures), *_advice(plan), ("written", str(output))])
+    if plan.trade_off:
+        click.echo("\n".join(trade_off_table(plan.trade_off)))
+
+
+def _advice(plan: Plan) -> list[tuple[str, str]]:
+    """Say what the plan's figures do not hold: the factor that was found, and the speed advised for the steps."""
+    from ibfctl.planning.advice import advised_speeds_mm_s
+
+    low, high = advised_speeds_mm_s(plan.path, plan.machine)
+    factor = [("Tikhonov factor", f"{plan.options.tikhonov:.2g}")] if plan.options.l_curve else []
+    return [*factor, ("advised top speed", f"{low:.3g} to {high:.3g} mm/s (0.6 to 0.8 of the characteristic speed)")]

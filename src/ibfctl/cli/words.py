@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ibfctl.machine.description import MachineDescription
+    from ibfctl.planning.plan import CurvePoint
 
 Lines = list[tuple[str, str]]
 
@@ -29,6 +30,15 @@ def plan_lines(figures: Mapping[str, Any]) -> Lines:
         ("certificate", certificate(figures["certificate"])),
         ("planning time", f"{figures['planning_time_s']:.2f} s"),
     ]
+    return lines
+
+
+def trade_off_table(points: Sequence[CurvePoint]) -> list[str]:
+    """Return the curve of residual against time, the chosen point marked."""
+    lines = [f"{'dwell time / s':>16}{'residual / nm RMS':>20}"]
+    for point in points:
+        mark = "  chosen" if point.chosen else ""
+        lines.append(f"{point.total_time_s:>16.2f}{point.rms_nm:>20.4f}{mark}")
     return lines
 
 

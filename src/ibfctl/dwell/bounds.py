@@ -90,11 +90,13 @@ def dwell_bounds(step_mm: FloatArray, ramp: SpeedRamp) -> DwellBounds:
     return DwellBounds(speeding.lower_s, slowing.upper_s)
 
 
-def characteristic_speed_mm_s(step_mm: FloatArray, a_mm_s2: float, ratio: float) -> FloatArray:
+def characteristic_speed_mm_s(step_mm: FloatArray, a_mm_s2: float | FloatArray, ratio: float) -> FloatArray:
     """Fastest speed (n,) for which the bounds of steps (n,) leave a choice (Eq. 20).
 
     Parameters
     ----------
+    a_mm_s2
+        Acceleration along the steps; one, or (n,).
     ratio
         Slowest over fastest speed, at least 0 and below 1.
     """

@@ -1,0 +1,65 @@
+"""Choices of `ibfctl plan` about residual, time and regularisation."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ibfctl.cli.main import run
+from ibfctl.planning.file import read_plan
+from tests.support.small_job import SmallJob
+
+
+@pytest.fixture
+def path(small_job: SmallJob) -> Path:
+    return small_job.folder / "plan.h5"
+
+
+def _json(capsys: pytest.CaptureFixture[str], arguments: list[str]) -> dict[str, Any]:
+    capsys.readouterr()
+    assert run([*arguments, "--json"]) == 0
+    return dict(json.loads(capsys.readouterr().out))
+
+
+def test_a_wider_margin_buys_time(small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    narrow, wide = (_json(capsys, small_job.plan_arguments(path, "--margin", share)) for share in ("0.01", "0.5"))
+    assert wide["total_time_s"] < 0.95 * narrow["total_time_s"]
+    assert narrow["ideal_rms_nm"] < wide["ideal_rms_nm"] < 1.55 * narrow["ideal_rms_nm"]
+
+
+def test_the_curve_is_printed_and_kept(small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figures = _json(capsys, small_job.plan_arguments(path, "--trade-off", "--no-loop"))
+    curve = figures["trade_off"]
+    assert len(curve) > 8
+    assert (np.diff([point["total_time_s"] for point in curve]) > 0).all()
+    assert (np.diff([point["rms_nm"] for point in curve]) < 0).all()
+    (chosen,) = (point for point in curve if point["chosen"])
+    assert chosen["rms_nm"] == pytest.approx(figures["ideal_rms_nm"], rel=1e-9)
+    assert [vars(point) for point in read_plan(path).trade_off] == curve
+    assert run(small_job.plan_arguments(path, "--trade-off")) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("chosen") == 1
+    assert "advised top speed" in printed
+
+
+def test_the_tikhonov_factor_is_given_or_found(
+    small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strong = _json(capsys, small_job.plan_arguments(path, "--tikhonov", "0.01"))
+    found = _json(capsys, small_job.plan_arguments(path, "--tikhonov", "l-curve"))
+    assert found["ideal_rms_nm"] < 0.2 * strong["ideal_rms_nm"]
+    options = read_plan(path).options
+    assert options.l_curve
+    assert 1e-9 <= options.tikhonov < 1e-3
+    assert "trade_off" not in found
+
+
+@pytest.mark.parametrize("value", ["l-curves", "-1", "2", "nan"])
+def test_what_is_no_factor_is_refused(
+    small_job: SmallJob, path: Path, value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(small_job.plan_arguments(path, "--tikhonov", value)) == 2
+    assert "neither a factor" in capsys.readouterr().err
+    assert not path.exists()
