@@ -126,6 +126,12 @@ def test_no_bytes_on_a_socket_stop_the_server(server, pieces):
         for piece in pieces:
             bad.sendall(piece)
     server.step(10)
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as good:
+    assert any(_answers(server) for _ in range(50))
+
+
+def _answers(server: EmulatorServer) -> bool:
+    """Ask on a new connection; what was sent before may still reset all connections, but not for ever."""
+    with contextlib.suppress(ConnectionError), socket.create_connection(("127.0.0.1", server.port), timeout=5) as good:
         good.sendall(b"MG 1\r")
-        assert good.recv(100) == b" 1.0000\r\n:"
+        return good.recv(100) == b" 1.0000\r\n:"
+    return False

@@ -17,6 +17,7 @@ from ibfctl_simulator.galil.interpreter import BAD, GOOD, Pending
 from ibfctl_simulator.galil.programs.memory import LONGEST_LINE, MOST_LINES, Program
 
 MOST_UNREAD_BYTES = 1 << 20
+"""What may wait in either direction before a client that does not read, or does not wait, is dropped."""
 
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
@@ -74,8 +75,8 @@ class Connection(asyncio.Protocol):
         self._host.catch_up()
         self._framing.push(data)
         self.proceed()
-        if self._pending is not None and self._transport is not None:
-            self._transport.pause_reading()
+        if self._framing.unread_characters > MOST_UNREAD_BYTES:
+            self.reset()
 
     def proceed(self) -> None:
         """Carry out commands until there are none or one has to wait; replies go out in one piece."""
@@ -131,8 +132,6 @@ class Connection(asyncio.Protocol):
             if not self._pending.wait.done():
                 raise LookupError
             self._pending = None
-            if self._transport is not None:
-                self._transport.resume_reading()
             return GOOD
         if self._program is not None:
             return self._next_program_line(self._program)

@@ -24,6 +24,11 @@ class Framing:
         self._skipping = False
         self._swallow_cr = False
 
+    @property
+    def unread_characters(self) -> int:
+        """How much has been received and not been handed out."""
+        return len(self._buffer) - self._start
+
     def push(self, data: bytes) -> None:
         """Add received bytes."""
         self._buffer = self._buffer[self._start :] + data.decode("latin-1").replace("\n", "")

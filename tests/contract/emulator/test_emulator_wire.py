@@ -170,3 +170,20 @@ def test_whether_a_line_goes_on_behind_an_error_is_a_setting(serve, go_on, recei
     client = serve(continue_line_after_error=go_on)
     assert client.ask("SB 1;bad;SB 2\r", len(received)) == received
     assert client.ask("MG @OUT[1],@OUT[2]\r") == (" 1.0000 1.0000\r\n:" if go_on else " 1.0000 0.0000\r\n:")
+
+
+def test_a_client_that_leaves_while_its_reply_is_due_frees_its_handle(connect):
+    waiting, other = connect(), connect()
+    assert waiting.ask("NO;WT 1000000\r") == ":"
+    waiting.close()
+    while "IHA AVAILABLE" not in other.ask("TH\r"):
+        pass
+    assert other.ask("WH\r") == "IHB\r\n:"
+
+
+def test_a_client_that_goes_on_sending_while_its_reply_is_due_is_dropped(connect):
+    waiting, other = connect(), connect()
+    assert waiting.ask("NO;WT 1000000\r") == ":"
+    with pytest.raises(ConnectionError):
+        waiting.socket.sendall(b"TP\r" * 10_000_000)
+    assert other.ask("WH\r") == "IHB\r\n:"
