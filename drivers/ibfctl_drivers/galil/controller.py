@@ -116,6 +116,10 @@ class GalilController:
         """Load the guard program, read it back and start it; from now on every poll is a sign of life."""
         self._guard.start(patience_s)
 
+    def stop_guard(self) -> None:
+        """Halt the guard program, so that the gate can be opened by hand again."""
+        self._guard.stop()
+
     def prepare_segments(self, program: MotionProgram) -> None:
         """Enter the program's mode and see that the buffers are empty."""
         self._prepared, self._queued = mode_for(program), 0

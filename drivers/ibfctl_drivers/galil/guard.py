@@ -111,6 +111,11 @@ class Guard:
         if self._thread_lines()[0] < 0:
             raise ControllerError("the guard program does not run", "look at the controller's program errors")
 
+    def stop(self) -> None:
+        """Halt the program; without it nobody closes the gate but the host."""
+        self._link.tell("HX 0")
+        self._next_beat = float("inf")
+
     def beat(self) -> str | None:
         """Return the command that gives a sign of life if one is due; none is before the first `start`."""
         if time.monotonic() < self._next_beat:

@@ -93,6 +93,9 @@ class MotionController(Protocol):
         `buffer_status` was asked for during `patience_s` seconds of the controller.
         """
 
+    def stop_guard(self) -> None:
+        """Halt the guard; only once the gate is closed and the axes stand."""
+
     def prepare_segments(self, program: MotionProgram) -> None:
         """Make all axes of the job ready for this kind of program, with empty buffers and at rest."""
 

@@ -85,6 +85,7 @@ def _make_safe(controller: MotionController) -> str:
         return str(error.message)  # a stop with the beam on would drill a hole; the buffer ends the motion
     try:
         controller.stop()
+        controller.stop_guard()
     except ControllerError:
         try:
             controller.abort()
@@ -130,6 +131,7 @@ class _Run:
         self._controller.close_gate()
         self._feeder.report(gate_open=False)
         errors = self._prove()
+        self._controller.stop_guard()
         ledger = self._feeder.ledger
         return RunOutcome(
             segments_sent=ledger.sent,
