@@ -61,7 +61,10 @@ def test_requests_that_do_not_fit_name_the_place(client: httpx.Client) -> None:
     aims = {"map_id": "x", "influence_id": "y", "max_time_s": 1, "max_residual_nm": 1}
     assert "exclude each other" in _problem(client.post("/v1/plans", json=aims), 422, "bad_request")["detail"]
     _problem(client.post("/v1/influences"), 422, "refused")
-    _problem(client.delete("/v1/maps"), 405, "method_not_allowed")
+    _problem(client.post("/v1/plans", content="{", headers={"Content-Type": "application/json"}), 422, "bad_request")
+    refusal = client.delete("/v1/maps")
+    _problem(refusal, 405, "method_not_allowed")
+    assert refusal.headers["allow"] == "GET, POST"
 
 
 def test_a_plan_that_cannot_be_made_says_why(client: httpx.Client, small_job: SmallJob) -> None:
@@ -73,7 +76,7 @@ def test_a_plan_that_cannot_be_made_says_why(client: httpx.Client, small_job: Sm
     assert (plan["state"], plan["error"]["code"]) == ("failed", "bad_input")
     assert "clear aperture" in plan["error"]["detail"]
     _problem(client.post("/v1/runs", json={"plan_id": plan["id"]}), 409, "conflict")
-    _problem(client.get(f"{place}/plan.h5"), 409, "conflict")
+    _problem(client.get(f"{place}/files/plan.h5"), 409, "conflict")
 
 
 def test_an_unreachable_controller_fails_the_run(tmp_path: Path, small_job: SmallJob) -> None:

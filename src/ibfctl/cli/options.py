@@ -74,7 +74,7 @@ def _together(*options: Decorator) -> Decorator:
 
 
 covering_options = _together(
-    click.option("--seed", type=int, default=0, show_default=True, help="Seed of a maze."),
+    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of a maze."),
     click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm."),
     click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm."),
     click.option(

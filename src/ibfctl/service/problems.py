@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -16,6 +17,8 @@ from ibfctl.errors import IbfctlError
 
 MEDIA_TYPE = "application/problem+json"
 _CODES = {404: "not_found", 405: "method_not_allowed", 409: "conflict", 413: "too_large"}
+
+_CORRECT = "correct the request; GET /openapi.json describes it"
 
 
 class Problem(BaseModel):
@@ -62,15 +65,28 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def unknown(request: Request, error: HTTPException) -> JSONResponse:
+        if error.status_code == HTTPStatus.BAD_REQUEST:  # a body that is no JSON
+            return _answer(problem(422, "bad_request", str(error.detail), _CORRECT))
+        headers = error.headers
+        if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+            headers = {"Allow": ", ".join(_allowed(app, request.url.path))}
         code = _CODES.get(error.status_code, "refused")
         hint = "GET /openapi.json lists all operations"
-        return _answer(problem(error.status_code, code, str(error.detail), hint), error.headers)
+        return _answer(problem(error.status_code, code, str(error.detail), hint), headers)
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
         faults = (f"{'.'.join(str(part) for part in fault['loc'])}: {fault['msg']}" for fault in error.errors())
-        hint = "correct the request; GET /openapi.json describes it"
-        return _answer(problem(422, "bad_request", "; ".join(faults), hint))
+        return _answer(problem(422, "bad_request", "; ".join(faults), _CORRECT))
+
+
+def _allowed(app: FastAPI, path: str) -> list[str]:
+    """Return the methods of a path; the router itself knows those of the first route only."""
+    methods: set[str] = set()
+    for template, operations in app.openapi()["paths"].items():
+        if re.fullmatch(re.sub(r"\{\w+\}", "[^/]+", template), path):
+            methods.update(method.upper() for method in operations)
+    return sorted(methods)
 
 
 def _answer(content: dict[str, Any], headers: Mapping[str, str] | None = None) -> JSONResponse:

@@ -51,7 +51,7 @@ def page(collection: Collection, limit: int, after: str | None, show: Callable[[
 def linked(collection: Collection, record: Record, names: tuple[str, ...] = ()) -> Record:
     """Return a record with links to itself and to its files."""
     place = f"/v1/{collection.kind}/{record['id']}"
-    return {**record, "links": {"self": place, **{name: f"{place}/{name}" for name in names}}}
+    return {**record, "links": {"self": place, **{name: f"{place}/files/{name}" for name in names}}}
 
 
 async def file_on_demand(

@@ -45,7 +45,7 @@ async def show_map(identity: Identity, service: Service) -> Record:
     return linked(service.maps, service.maps.read(identity), _FILES)
 
 
-@router.get("/{identity}/preview.png", response_class=FileResponse, responses=refusals(404))
+@router.get("/{identity}/files/preview.png", response_class=FileResponse, responses=refusals(404))
 async def preview_map(identity: Identity, service: Service) -> FileResponse:
     """Show a picture of a map."""
     source = {"path": service.upload_of(service.maps, identity), **service.maps.read(identity)["given"]}

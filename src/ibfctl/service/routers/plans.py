@@ -42,7 +42,7 @@ class PlanRequest(BaseModel):
     map_id: str
     influence_id: str
     path: Literal["raster", "maze"] = "raster"
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0)] = 0
     pitch_mm: Positive = 0.5
     step_mm: Positive = 0.5
     scan_axis: Literal["x", "y"] = "x"
@@ -109,7 +109,7 @@ async def cancel_plan(identity: Identity, service: Service) -> Record:
     return _shown(service, record)
 
 
-@router.get("/{identity}/{name}", response_class=FileResponse, responses=refusals(404, 409))
+@router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
 async def get_plan_file(identity: Identity, name: PlanFile, service: Service) -> FileResponse:
     """Download a file of a plan: the plan itself, exports for Galil's tool, tables, pictures."""
     if service.plans.read(identity)["state"] != "done":

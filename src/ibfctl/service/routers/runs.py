@@ -70,7 +70,7 @@ async def abort_run(identity: Identity, service: Service) -> Record:
     return _shown(service, service.runs.read(identity))
 
 
-@router.get("/{identity}/{name}", response_class=FileResponse, responses=refusals(404, 409))
+@router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
 async def get_run_file(identity: Identity, name: RunFile, service: Service) -> FileResponse:
     """Download a file of a simulated run."""
     record = service.runs.read(identity)
