@@ -6,7 +6,8 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.support.served import ended
+from ibfctl.service.settings import Settings
+from tests.support.served import ended, serving
 from tests.support.small_job import TIF, SmallJob
 
 
@@ -90,3 +91,21 @@ def test_this_computer_may_ask(client: httpx.Client) -> None:
         assert client.get("/healthz", headers=headers).json() == {"status": "ok"}
     info = client.get("/v1/info").json()
     assert (info["machine"], info["simulated"], info["running"]) == ("simulator", True, [])
+
+
+def test_a_service_that_ends_aborts_its_run_and_cancels_its_plans(settings: Settings, small_job: SmallJob) -> None:
+    slow = Settings(settings.data, settings.machine, simulate=True, speed=1.0)
+    with serving(slow) as client:
+        surface, influence = _map(client, small_job), _formula(client)
+        job = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
+        plan = ended(client, client.post("/v1/plans", json=job).headers["Location"])
+        run = client.post("/v1/runs", json={"plan_id": plan["id"]}).json()
+        while "progress" not in client.get(run["links"]["self"]).json():
+            time.sleep(0.01)
+        other = client.post("/v1/plans", json={**job, "pitch_mm": 0.1, "step_mm": 0.1}).json()
+        while "progress" not in client.get(other["links"]["self"]).json():
+            time.sleep(0.01)
+    with serving(slow) as client:
+        run, other = (client.get(record["links"]["self"]).json() for record in (run, other))
+    assert (run["state"], run["error"]["code"]) == ("aborted", "interrupted")
+    assert (other["state"], other["error"]["code"]) == ("failed", "interrupted")

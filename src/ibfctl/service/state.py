@@ -14,7 +14,7 @@ from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection
 
-_ENDED_BY_RESTART = problem(503, "interrupted", "the service ended before this was done", "start it again")
+ENDED_WITH_SERVICE = problem(503, "interrupted", "the service ended before this was done", "start it again")
 
 
 class State:
@@ -35,7 +35,7 @@ class State:
         for collection in (self.plans, self.runs):
             for identity in collection.ids():
                 if collection.read(identity)["state"] in ("queued", "running"):
-                    collection.update(identity, state="failed", error=_ENDED_BY_RESTART)
+                    collection.update(identity, state="failed", error=ENDED_WITH_SERVICE)
 
     def start(self, work: Coroutine[Any, Any, None]) -> None:
         """Do work beside the requests; it is ended, in order, with the service."""

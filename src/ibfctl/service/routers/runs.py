@@ -12,7 +12,7 @@ from ibfctl.service.children import RUN_WORKER, TASKS, Child
 from ibfctl.service.models import Page, RunRecord
 from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
-from ibfctl.service.state import Service, State
+from ibfctl.service.state import ENDED_WITH_SERVICE, Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/runs", tags=["runs"])
@@ -124,7 +124,7 @@ async def _stream(service: State, identity: str, job: dict[str, Any]) -> None:
             outcome = {name: value for name, value in event.items() if name != "event"}
             event = await _record(service, identity, job, outcome)
     except BaseException:
-        service.runs.update(identity, state="aborted")
+        service.runs.update(identity, state="aborted", error=ENDED_WITH_SERVICE)
         raise
     finally:
         del service.running[identity]
