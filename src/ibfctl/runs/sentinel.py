@@ -95,3 +95,6 @@ class Sentinel:
             action()
         except ControllerError as error:  # the streaming thread, on its way out, tries again and reports
             _log.error("%s", error)
+        except Exception as error:  # no run goes on without its sentinel
+            self._missed = f"the sentinel failed: {error!r}"
+            _log.exception("the sentinel failed")

@@ -16,14 +16,14 @@ SOON_S = 5.0
 class Gate:
     """A controller that has only a gate and an abort."""
 
-    def __init__(self, fails: bool = False) -> None:
+    def __init__(self, fails: Exception | None = None) -> None:
         self.closed, self.aborted = threading.Event(), threading.Event()
         self._fails = fails
 
     def close_gate(self) -> None:
         self.closed.set()
         if self._fails:
-            raise ControllerError("no")
+            raise self._fails
 
     def abort(self) -> None:
         self.aborted.set()
@@ -69,9 +69,23 @@ def test_abort_aborts_whatever_this_thread_does() -> None:
 
 
 def test_abort_still_works_after_a_gate_that_would_not_close() -> None:
-    gate, abort = Gate(fails=True), threading.Event()
+    gate, abort = Gate(fails=ControllerError("no")), threading.Event()
     with sentinel_over(gate, abort) as sentinel:
         sentinel.expect_by(time.monotonic(), "late")
         assert gate.closed.wait(SOON_S)
+        abort.set()
+        assert gate.aborted.wait(SOON_S)
+
+
+def test_a_sentinel_that_fails_ends_the_run_and_still_hears_an_abort() -> None:
+    gate, abort = Gate(fails=ZeroDivisionError("bug")), threading.Event()
+    with sentinel_over(gate, abort) as sentinel:
+        sentinel.expect_by(time.monotonic(), fault=None)
+        assert gate.closed.wait(SOON_S)
+        abort_after = time.monotonic() + SOON_S
+        while sentinel.error() is None and time.monotonic() < abort_after:
+            pass
+        with pytest.raises(RunError, match=r"sentinel failed.*bug"):
+            sentinel.check()
         abort.set()
         assert gate.aborted.wait(SOON_S)
