@@ -32,7 +32,7 @@ FloatArray = NDArray[np.float64]
 
 _ITERATIONS = 100
 # Relative to the largest term of the gradient, and to the objective's own scale of one.
-OPTIMALITY = 1e-8
+OPTIMALITY = 1e-10
 
 
 @dataclass(frozen=True)
