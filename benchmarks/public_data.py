@@ -9,7 +9,8 @@ from typing import Any
 
 from benchmarks import Absent
 from benchmarks._harness import FOLDER
-from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
+from ibfctl.jobs.inputs import InfluenceFile, MapFile
+from ibfctl.jobs.plan_files import hashed, plan_files
 from ibfctl.jobs.rehearsal import rehearse
 from ibfctl.machine.shipped import shipped_machine
 from ibfctl.planning.options import PlanOptions

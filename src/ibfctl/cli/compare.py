@@ -63,7 +63,7 @@ def command(
     All get the same dwell times on a path; what each leaves is computed from its own motion. MAP and TIF are as
     for `ibfctl plan`. Nothing is written, and the baselines are never sent to a machine.
     """
-    from ibfctl.jobs.plan_files import InfluenceFile, MapFile
+    from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.machine.description import read_machine
     from ibfctl.planning.comparison import compare, path_choices, summary
     from ibfctl.planning.options import PlanOptions, Removed

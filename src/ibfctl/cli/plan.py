@@ -97,7 +97,8 @@ def command(
     if sum(choice is not None for choice in (margin, max_time, max_residual)) > 1:
         raise click.UsageError("--margin, --max-time and --max-residual exclude each other.")
     check_writable(output)
-    from ibfctl.jobs.plan_files import InfluenceFile, MapFile, plan_files
+    from ibfctl.jobs.inputs import InfluenceFile, MapFile
+    from ibfctl.jobs.plan_files import plan_files
     from ibfctl.planning.options import Aim, PlanOptions, Removed
 
     default = PlanOptions()

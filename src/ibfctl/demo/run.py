@@ -9,7 +9,8 @@ from typing import Any
 
 from ibfctl.demo.job import DemoJob
 from ibfctl.files import save_npz
-from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
+from ibfctl.jobs.inputs import InfluenceFile, MapFile
+from ibfctl.jobs.plan_files import hashed, plan_files
 from ibfctl.jobs.rehearsal import Rehearsal, rehearse
 from ibfctl.planning.plan import Plan
 from ibfctl.report.pictures import draw_plan, draw_run

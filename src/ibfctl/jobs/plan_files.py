@@ -4,49 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from ibfctl.errors import InputError
+from ibfctl.jobs.inputs import InfluenceFile, MapFile
 from ibfctl.machine.description import read_machine
 from ibfctl.path.from_file import read_columns
 from ibfctl.planning.file import write_plan
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.planner import make_plan, schedule_nodes
-from ibfctl.surface.influence import InfluenceFunction
-from ibfctl.surface.map import SurfaceMap
-from ibfctl.surface.readers import read_influence, read_map
 from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX
 
 Report = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class MapFile:
-    """A map's file, and what the file itself does not say."""
-
-    path: str
-    pixel_mm: float | None = None
-    unit: str | None = None
-    array: str | None = None
-
-    def read(self) -> SurfaceMap:
-        """Read the map."""
-        return read_map(self.path, pixel_mm=self.pixel_mm, height_unit=self.unit, array=self.array)
-
-
-@dataclass(frozen=True)
-class InfluenceFile:
-    """An influence function's file or formula, and what it does not say itself."""
-
-    spec: str
-    pixel_mm: float | None = None
-    unit: str | None = None
-
-    def read(self) -> InfluenceFunction:
-        """Read the influence function."""
-        return read_influence(self.spec, pixel_mm=self.pixel_mm, rate_unit=self.unit)
 
 
 def plan_files(

@@ -22,14 +22,17 @@ FloatArray = NDArray[np.float64]
 _SAMPLES_PER_SEGMENT = 4
 _POINTS_PER_IN = 72.0
 _PM_PER_NM = 1e3
+_PREVIEW_PIXELS = 700
 _INK = "#1f3b5c"
 _LIMIT = "#b2182b"
 
 
 def draw_map(surface: SurfaceMap, path: Path) -> None:
-    """Write the picture of a map as measured, without its mean."""
+    """Write the picture of a map as measured, without its mean; of a large map every so many pixels."""
     height_nm = surface.height_nm - np.nanmean(surface.height_nm)
-    panel = _map_panel(surface, height_nm, _figures(height_nm), "height / nm", signed_scale(height_nm))
+    step = -(-max(height_nm.shape) // _PREVIEW_PIXELS)
+    shown_nm = height_nm[::step, ::step]
+    panel = _map_panel(surface, shown_nm, _figures(height_nm), "height / nm", signed_scale(shown_nm))
     draw_panels(path, [panel], None)
 
 

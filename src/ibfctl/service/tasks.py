@@ -2,7 +2,8 @@
 
 ``python -m ibfctl.service.tasks NAME`` reads one line of JSON with the task's arguments and prints JSON lines with
 an ``event``: ``progress``, and at the end ``finished`` or ``failed``; the exit code is that of the error, or 0.
-The end of standard input (a dead parent closes it) cancels a plan.
+The end of standard input (a dead parent closes it) cancels a plan. Every task imports what it needs itself: reading a
+map must not wait for a solver to load.
 """
 
 from __future__ import annotations
@@ -20,15 +21,7 @@ import numpy as np
 
 from ibfctl.errors import IbfctlError
 from ibfctl.files import save_npz
-from ibfctl.jobs.plan_files import InfluenceFile, MapFile, hashed, plan_files
-from ibfctl.jobs.rehearsal import record
-from ibfctl.jobs.run_file import read_as_run
-from ibfctl.planning.file import read_plan
-from ibfctl.planning.options import Aim, PlanOptions
-from ibfctl.report.exchange import FORMATS, write_exchange
-from ibfctl.runs.outcome import RunOutcome
-from ibfctl.surface.map import Rectangle
-from ibfctl.surface.readers import read_influence, read_map
+from ibfctl.jobs.inputs import InfluenceFile, MapFile
 
 Arguments = dict[str, Any]
 _NICENESS = 5
@@ -36,8 +29,7 @@ _NICENESS = 5
 
 def inspect_map(arguments: Arguments) -> Arguments:
     """Read a map and return its figures."""
-    file = MapFile(**arguments)
-    surface = read_map(file.path, pixel_mm=file.pixel_mm, height_unit=file.unit, array=file.array)
+    surface = MapFile(**arguments).read()
     valid_nm = surface.height_nm[np.isfinite(surface.height_nm)]
     ny, nx = surface.height_nm.shape
     return {
@@ -54,8 +46,7 @@ def inspect_map(arguments: Arguments) -> Arguments:
 
 def inspect_influence(arguments: Arguments) -> Arguments:
     """Read an influence function and return its figures."""
-    file = InfluenceFile(**arguments)
-    influence = read_influence(file.spec, pixel_mm=file.pixel_mm, rate_unit=file.unit)
+    influence = InfluenceFile(**arguments).read()
     ny, nx = influence.rate_nm_s.shape
     return {
         "nx": nx,
@@ -69,6 +60,10 @@ def inspect_influence(arguments: Arguments) -> Arguments:
 
 def plan(arguments: Arguments) -> Arguments:
     """Plan a job and write the plan; return its summary."""
+    from ibfctl.jobs.plan_files import plan_files
+    from ibfctl.planning.options import Aim, PlanOptions
+    from ibfctl.surface.map import Rectangle
+
     os.nice(_NICENESS)
     options = dict(arguments["options"])
     if options.get("clear_aperture") is not None:
@@ -88,6 +83,11 @@ def plan(arguments: Arguments) -> Arguments:
 
 def record_run(arguments: Arguments) -> Arguments:
     """Find what a finished run removed, and write the run file; return its figures."""
+    from ibfctl.jobs.plan_files import hashed
+    from ibfctl.jobs.rehearsal import record
+    from ibfctl.planning.file import read_plan
+    from ibfctl.runs.outcome import RunOutcome
+
     path = Path(arguments["plan"])
     outcome = RunOutcome(**arguments["outcome"])
     return record(read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])).summary()
@@ -97,14 +97,14 @@ def preview_map(arguments: Arguments) -> Arguments:
     """Draw a map."""
     from ibfctl.report.pictures import draw_map
 
-    file = MapFile(**arguments["map"])
-    surface = read_map(file.path, pixel_mm=file.pixel_mm, height_unit=file.unit, array=file.array)
-    draw_map(surface, Path(arguments["folder"]) / "preview.png")
+    draw_map(MapFile(**arguments["map"]).read(), Path(arguments["folder"]) / "preview.png")
     return {}
 
 
 def plan_files_of(arguments: Arguments) -> Arguments:
     """Write exports, tables and pictures of a plan."""
+    from ibfctl.planning.file import read_plan
+    from ibfctl.report.exchange import FORMATS, write_exchange
     from ibfctl.report.pictures import draw_plan
 
     folder = Path(arguments["folder"])
@@ -126,6 +126,8 @@ def plan_files_of(arguments: Arguments) -> Arguments:
 
 def run_files_of(arguments: Arguments) -> Arguments:
     """Write the table and the picture of what a run has left."""
+    from ibfctl.jobs.run_file import read_as_run
+    from ibfctl.planning.file import read_plan
     from ibfctl.report.pictures import draw_run
 
     folder = Path(arguments["folder"])
