@@ -14,6 +14,10 @@ PERIOD_TOLERANCE = 1e-4
 MEASURE_S = (0.25, 1.0, 4.0, 16.0)
 """Late or jittery replies may spoil a short measurement, so a doubtful one is repeated with more patience."""
 
+SPEED_SLACK = 1.001
+TRAVEL_SLACK_COUNTS = 0.5
+"""What rounding to counts may add to a plan that keeps its limits."""
+
 DOUBTFUL = 50 * PERIOD_TOLERANCE
 
 
@@ -25,7 +29,8 @@ def check_program(program: MotionProgram, machine: MachineDescription) -> None:
     RunError
         If program and machine do not belong together.
     LimitsError
-        If the motion leaves an axis' travel, does not end at rest, or holds an impossible duration.
+        If the motion leaves an axis' travel, is faster than the axis may be, does not end at rest, or holds an
+        impossible duration.
     """
     times = program.time_samples
     if len(program) == 0 or np.any((times < 2) | (times > MAX_SEGMENT_SAMPLES) | (times % 2 != 0)):
@@ -45,11 +50,18 @@ def check_program(program: MotionProgram, machine: MachineDescription) -> None:
         if isinstance(axis, AxisProgram) and axis.end_velocity_counts_s[-1] != 0:
             raise LimitsError(f"program: axis {letter} does not end at rest", "plan the job again")
         extremes_mm = np.sort(_hull_counts(program, axis) / axis.counts_per_mm)
-        if extremes_mm[0] < limits.travel_min_mm or extremes_mm[-1] > limits.travel_max_mm:
+        slack_mm = TRAVEL_SLACK_COUNTS / limits.counts_per_mm
+        if extremes_mm[0] < limits.travel_min_mm - slack_mm or extremes_mm[-1] > limits.travel_max_mm + slack_mm:
             raise LimitsError(
                 f"program: axis {letter} moves from {extremes_mm[0]:.3f} to {extremes_mm[-1]:.3f} mm, "
                 f"beyond its travel from {limits.travel_min_mm:g} to {limits.travel_max_mm:g} mm",
                 "move the part or shrink the clear aperture, and plan the job again",
+            )
+        peak_mm_s = _peak_speed_counts_s(program, axis) / abs(axis.counts_per_mm)
+        if peak_mm_s > limits.v_max_mm_s * SPEED_SLACK:
+            raise LimitsError(
+                f"program: axis {letter} reaches {peak_mm_s:.3f} mm/s, its limit is {limits.v_max_mm_s:g} mm/s",
+                "plan the job again for the present machine file",
             )
 
 
@@ -69,6 +81,22 @@ def _hull_counts(program: MotionProgram, axis: AxisProgram | ContourAxis) -> NDA
     thirds_s = program.time_samples * program.sample_period_s / 3
     inner = np.concatenate([nodes[:-1] + velocities[:-1] * thirds_s, nodes[1:] - velocities[1:] * thirds_s])
     return np.array([min(nodes.min(), inner.min()), max(nodes.max(), inner.max())])
+
+
+def _peak_speed_counts_s(program: MotionProgram, axis: AxisProgram | ContourAxis) -> float:
+    """Return the greatest speed anywhere: at the nodes, or where a segment's acceleration passes zero."""
+    times_s = program.time_samples * program.sample_period_s
+    means = axis.increment_counts / times_s
+    if isinstance(axis, ContourAxis):
+        return float(np.max(np.abs(means)))
+    ends = axis.end_velocity_counts_s.astype(np.float64)
+    starts = np.concatenate([[0.0], ends[:-1]])
+    linear, square = 6 * means - 4 * starts - 2 * ends, 3 * (starts + ends - 2 * means)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = -linear / (2 * square)
+    inside = np.isfinite(share) & (share > 0) & (share < 1)
+    turning = np.where(inside, starts - linear**2 / np.where(inside, 4 * square, 1.0), 0.0)
+    return float(np.max(np.abs(np.concatenate([ends, turning]))))
 
 
 def check_clock(controller: MotionController, sample_period_s: float, time_scale: float) -> float:

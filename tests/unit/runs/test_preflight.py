@@ -9,6 +9,7 @@ from support.programs import machine, program
 
 from ibfctl.errors import ControllerError, LimitsError, RunError
 from ibfctl.machine.controller import MotionController
+from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import PvtProgram
 from ibfctl.runs.preflight import check_clock, check_program
 
@@ -46,6 +47,33 @@ def test_a_bulge_between_nodes_counts_as_motion() -> None:
     )
     with pytest.raises(LimitsError, match="axis A"):
         check_program(bulging, machine())
+
+
+def machine_with_speed(v_max_mm_s: float) -> MachineDescription:
+    data = machine().model_dump()
+    data["axes"]["A"]["v_max_mm_s"] = v_max_mm_s
+    return MachineDescription.model_validate(data)
+
+
+def two_segments(move: int, end_velocity: int) -> PvtProgram:
+    moves, speeds = np.array([move, move]), np.array([end_velocity, 0])
+    job = program(2, time_samples=1024)
+    return with_axis(job, "A", increment_counts=moves, end_velocity_counts_s=speeds)
+
+
+@pytest.mark.parametrize(
+    ("move", "end_velocity", "peak_mm_s"),
+    [
+        (1000, 0, 1.5),  # from rest to rest the peak is in the middle, 3/2 of the mean
+        (1000, 2000, 2.0),  # at the node, the highest of a parabola that turns there
+        (1000, 1000, 4 / 3),  # inside: 4 t - 3 t² for a start from rest
+    ],
+)
+def test_the_peak_speed_counts_wherever_it_is(move: int, end_velocity: int, peak_mm_s: float) -> None:
+    job = two_segments(move, end_velocity)
+    check_program(job, machine_with_speed(peak_mm_s * 1.0005))
+    with pytest.raises(LimitsError, match=f"axis A reaches {peak_mm_s:.3f} mm/s"):
+        check_program(job, machine_with_speed(peak_mm_s * 0.99))
 
 
 @pytest.mark.parametrize("samples", [0, 3, 2050])
