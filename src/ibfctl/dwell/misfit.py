@@ -1,6 +1,6 @@
 """What is to be removed, as the solver sees it: the clear aperture averaged over cells that the tool can resolve.
 
-The influence function is smooth: inside a cell of an eighth of its width it removes nearly the same everywhere.
+The influence function is smooth: inside a cell of a tenth of its width it removes nearly the same everywhere.
 Comparing cell averages (of the target and, by the same average folded into the influence function, of the removal)
 keeps all that the tool can correct and costs a small part of the pixels.
 """
@@ -21,7 +21,7 @@ from ibfctl.surface.map import SurfaceMap
 FloatArray = NDArray[np.float64]
 
 # Cells per full width at half maximum of the influence function: to finish on, and to search on.
-CELLS_PER_WIDTH = 8
+CELLS_PER_WIDTH = 10
 COARSE_CELLS_PER_WIDTH = 4
 
 

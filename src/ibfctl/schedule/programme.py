@@ -10,6 +10,7 @@ from scipy import sparse
 from ibfctl.schedule.task import AxisTask, Tasks
 
 FloatArray = NDArray[np.float64]
+Pair = tuple[FloatArray, FloatArray]
 
 # Share of every limit kept free for the tolerance of the solver.
 SOLVER_MARGIN = 2e-3
@@ -23,32 +24,48 @@ _HAS_ANSWER = (
 )
 
 
-def solve_programme(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> tuple[FloatArray, FloatArray]:
-    """Solve for the node velocities (n + 1,) of both axes; whether they hold is for the caller to check.
+def solve_programme(
+    tasks: Tasks,
+    time_s: FloatArray,
+    corridor_mm: float,
+    held_mm_s: Pair,
+    wanted: NDArray[np.bool_],
+) -> Pair:
+    """Solve for the velocities of some nodes; whether they hold is for the caller to check.
 
-    Without an answer from the solver the axes rest at every node.
+    Parameters
+    ----------
+    tasks, time_s, corridor_mm
+        As for the whole path.
+    held_mm_s : pair of (n + 1,) float64
+        Velocities that the other nodes keep.
+    wanted : (n + 1,) bool
+        Nodes to be solved for, where their axis may move at all.
+
+    Returns
+    -------
+    pair of (n + 1,) float64
+        `held_mm_s` with the wanted nodes replaced; at rest there without an answer from the solver.
     """
-    if not (tasks[0].free.any() or tasks[1].free.any()):
-        return np.zeros(tasks[0].free.size), np.zeros(tasks[1].free.size)
-    scales = _node_speed(tasks[0], time_s), _node_speed(tasks[1], time_s)
-    widths = [int(task.free.sum()) for task in tasks]
+    axes = [_Columns(task, time_s, held, wanted) for task, held in zip(tasks, held_mm_s, strict=True)]
+    widths = [axis.width for axis in axes]
+    if not any(widths):
+        return held_mm_s
     quadratic, linear, rows, lower, upper = [], [], [], [], []
-    for index, (task, scale) in enumerate(zip(tasks, scales, strict=True)):
-        before, here, after, constant = acceleration_jumps(task.move_mm, time_s)
-        jumps = sparse.diags_array([before[1:], here, after[:-1]], offsets=[-1, 0, 1], format="csc")
-        jumps = (jumps @ sparse.diags_array(scale)).tocsc()[:, task.free]
+    for index, axis in enumerate(axes):
+        jumps, constant = axis.jump_rows()
         quadratic.append(jumps.T @ jumps)
         linear.append(jumps.T @ constant)
-        for block, low, high in _limit_rows(task, scale, time_s):
+        for block, low, high in axis.limit_rows():
             padding = [sparse.csr_array((block.shape[0], width)) for width in widths]
             padding[index] = block
             rows.append(sparse.hstack(padding, format="csr"))
             lower.append(low)
             upper.append(high)
-    for block, bound in _corridor_rows(tasks, scales, time_s, corridor_mm):
+    for block, low, high in _corridor_rows(axes, corridor_mm):
         rows.append(block)
-        lower.append(-bound)
-        upper.append(bound)
+        lower.append(low)
+        upper.append(high)
     objective = sparse.block_diag(quadratic, format="csc")
     weight = 1 / max(float(objective.diagonal().mean()), 1e-300)
     solver = osqp.OSQP()
@@ -71,10 +88,7 @@ def solve_programme(tasks: Tasks, time_s: FloatArray, corridor_mm: float) -> tup
     answer = np.zeros(sum(widths))
     if result.info.status_val in _HAS_ANSWER and np.isfinite(result.x).all():
         answer = np.maximum(np.asarray(result.x, dtype=np.float64), 0.0)
-    velocities = np.zeros(scales[0].size), np.zeros(scales[1].size)
-    velocities[0][tasks[0].free] = answer[: widths[0]]
-    velocities[1][tasks[1].free] = answer[widths[0] :]
-    return velocities[0] * scales[0], velocities[1] * scales[1]
+    return axes[0].filled(answer[: widths[0]]), axes[1].filled(answer[widths[0] :])
 
 
 def acceleration_jumps(
@@ -93,72 +107,113 @@ def acceleration_jumps(
     )
 
 
-def _corridor_rows(
-    tasks: Tasks, scales: tuple[FloatArray, FloatArray], time_s: FloatArray, corridor_mm: float
-) -> list[tuple[sparse.csr_array, FloatArray]]:
-    """Rows (block, bound) for the velocity across the chord at both ends of slanted segments.
+class _Columns:
+    """The wanted nodes of one axis as columns of the programme, each in units of its local mean speed."""
+
+    def __init__(self, task: AxisTask, time_s: FloatArray, held_mm_s: FloatArray, wanted: NDArray[np.bool_]) -> None:
+        self.task, self.time_s = task, time_s
+        self.free = task.free & wanted
+        self.nodes = np.flatnonzero(self.free)
+        self.width = self.nodes.size
+        mean = (task.move_mm[1:] + task.move_mm[:-1]) / (time_s[1:] + time_s[:-1])
+        self.scale = mean[self.nodes - 1]
+        self._held = np.where(self.free, 0.0, held_mm_s)
+        self._column = np.cumsum(self.free) - 1
+
+    def filled(self, answer: FloatArray) -> FloatArray:
+        """Velocities of all nodes (n + 1,) with `answer` (width,) at the wanted ones."""
+        velocity = self._held.copy()
+        velocity[self.nodes] = answer * self.scale
+        return velocity
+
+    def rows(self, *entries: tuple[NDArray[np.int64], FloatArray]) -> tuple[sparse.csr_array, FloatArray]:
+        """Rows of sums of velocities: pairs of nodes (r,) and coefficients (r,); and what the held nodes add, (r,)."""
+        size = entries[0][0].size
+        constant = np.zeros(size)
+        values, places, columns = [], [], []
+        for node, coefficient in entries:
+            constant += coefficient * self._held[node]
+            free = np.flatnonzero(self.free[node])
+            column = self._column[node[free]]
+            values.append(coefficient[free] * self.scale[column])
+            places.append(free)
+            columns.append(column)
+        parts = np.concatenate(values), (np.concatenate(places), np.concatenate(columns))
+        return sparse.csr_array(parts, shape=(size, self.width)), constant
+
+    def jump_rows(self) -> tuple[sparse.csr_array, FloatArray]:
+        """Acceleration jumps at the nodes that a wanted one touches, with their constant part."""
+        touched = self.free.copy()
+        touched[1:] |= self.free[:-1]
+        touched[:-1] |= self.free[1:]
+        node = np.flatnonzero(touched)
+        before, here, after, constant = acceleration_jumps(self.task.move_mm, self.time_s)
+        last = self.free.size - 1
+        matrix, held = self.rows(
+            (np.maximum(node - 1, 0), before[node]), (node, here[node]), (np.minimum(node + 1, last), after[node])
+        )
+        return matrix, held + constant[node]
+
+    def limit_rows(self) -> list[tuple[sparse.csr_array, FloatArray, FloatArray]]:
+        """Rows (block, lower, upper) of the axis' limits, all of order one."""
+        task = self.task
+        moving = np.flatnonzero(self.free[:-1] | self.free[1:])
+        move, h = task.move_mm[moving], self.time_s[moving]
+        mean = move / h
+        # Rounding towards zero moves a velocity by up to one step, an acceleration by up to six of them over h.
+        step = task.resolution_mm_s
+        limit = np.maximum(task.a_max_mm_s2 - 6 * step / h, 0.5 * task.a_max_mm_s2) * (1 - SOLVER_MARGIN)
+        v_max = max(task.v_max_mm_s - 2 * step, 0.5 * task.v_max_mm_s) * (1 - SOLVER_MARGIN)
+        pull = 6 * move / h**2 / limit
+
+        def between(
+            first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray
+        ) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+            block, held = self.rows((moving, first), (moving + 1, second))
+            return block, low - held, high - held
+
+        found = [
+            between(-4 / h / limit, -2 / h / limit, -1 - pull, 1 - pull),
+            between(2 / h / limit, 4 / h / limit, -1 + pull, 1 + pull),
+            # Middle Bernstein coefficient of the velocity over the mean speed: neither reversal nor overspeed.
+            between(
+                -1 / mean,
+                -1 / mean,
+                np.minimum(SOLVER_MARGIN + 2 * step / np.abs(mean), 1.0) - 3,
+                v_max / np.abs(mean) - 3,
+            ),
+            (sparse.eye_array(self.width, format="csr"), np.zeros(self.width), v_max / np.abs(self.scale)),
+        ]
+        if np.isfinite(task.j_max_mm_s3):
+            # Rounding moves a jerk by up to twelve steps over h².
+            most = np.maximum(task.j_max_mm_s3 - 12 * step / h**2, 0.5 * task.j_max_mm_s3) * (1 - SOLVER_MARGIN)
+            turn = 12 * move / h**3 / most
+            found.append(between(6 / h**2 / most, 6 / h**2 / most, turn - 1, turn + 1))
+        return found
+
+
+def _corridor_rows(axes: list[_Columns], corridor_mm: float) -> list[tuple[sparse.csr_array, FloatArray, FloatArray]]:
+    """Rows (block, lower, upper) for the velocity across the chord at both ends of slanted segments.
 
     The distance from the chord is at most a quarter of the segment's time times the larger of the two.
     """
-    slanted = np.flatnonzero((tasks[0].move_mm != 0) & (tasks[1].move_mm != 0))
+    x, y = axes[0].task, axes[1].task
+    touched = axes[0].free | axes[1].free
+    slanted = np.flatnonzero((x.move_mm != 0) & (y.move_mm != 0) & (touched[:-1] | touched[1:]))
     if not slanted.size:
         return []
-    length = np.hypot(tasks[0].move_mm[slanted], tasks[1].move_mm[slanted])
-    speed = length / time_s[slanted]
-    step = np.hypot(tasks[0].resolution_mm_s, tasks[1].resolution_mm_s)
-    bound = np.maximum(4 * corridor_mm * (1 - SOLVER_MARGIN) / time_s[slanted] - step, 0.0)
-    across = -tasks[1].move_mm[slanted] / length, tasks[0].move_mm[slanted] / length
-    index = np.arange(slanted.size)
-    blocks = []
+    length = np.hypot(x.move_mm[slanted], y.move_mm[slanted])
+    time_s = axes[0].time_s[slanted]
+    speed = length / time_s
+    step = np.hypot(x.resolution_mm_s, y.resolution_mm_s)
+    bound = np.maximum(4 * corridor_mm * (1 - SOLVER_MARGIN) / time_s - step, 0.0) / speed
+    across = -y.move_mm[slanted] / length / speed, x.move_mm[slanted] / length / speed
+    found = []
     for node in (slanted, slanted + 1):
-        parts = [
-            sparse.csc_array((weight * scale[node] / speed, (index, node)), shape=(slanted.size, scale.size))[
-                :, task.free
-            ]
-            for weight, scale, task in zip(across, scales, tasks, strict=True)
-        ]
-        blocks.append((sparse.hstack(parts, format="csr"), bound / speed))
-    return blocks
-
-
-def _limit_rows(
-    task: AxisTask, scale: FloatArray, time_s: FloatArray
-) -> list[tuple[sparse.csr_array, FloatArray, FloatArray]]:
-    """Rows (block, lower, upper) of one axis, all of order one."""
-    moving = np.flatnonzero(task.free[:-1] | task.free[1:])
-    move, h = task.move_mm[moving], time_s[moving]
-    mean = move / h
-    # Rounding towards zero moves a velocity by up to one step, an acceleration by up to six of them over h.
-    step = task.resolution_mm_s
-    limit = np.maximum(task.a_max_mm_s2 - 6 * step / h, 0.5 * task.a_max_mm_s2) * (1 - SOLVER_MARGIN)
-    index = np.arange(moving.size)
-
-    def rows(first: FloatArray, second: FloatArray) -> sparse.csr_array:
-        values = np.concatenate([first * scale[moving], second * scale[moving + 1]])
-        places = np.concatenate([index, index]), np.concatenate([moving, moving + 1])
-        return sparse.csc_array((values, places), shape=(moving.size, scale.size))[:, task.free].tocsr()
-
-    pull = 6 * move / h**2 / limit
-    v_max = max(task.v_max_mm_s - 2 * step, 0.5 * task.v_max_mm_s) * (1 - SOLVER_MARGIN)
-    nodes = np.flatnonzero(task.free)
-    jerk_limits = []
-    if np.isfinite(task.j_max_mm_s3):
-        # Rounding moves a jerk by up to twelve steps over h².
-        most = np.maximum(task.j_max_mm_s3 - 12 * step / h**2, 0.5 * task.j_max_mm_s3) * (1 - SOLVER_MARGIN)
-        turn = 12 * move / h**3 / most
-        jerk_limits.append((rows(6 / h**2 / most, 6 / h**2 / most), turn - 1, turn + 1))
-    return [
-        *jerk_limits,
-        (rows(-4 / h / limit, -2 / h / limit), -1 - pull, 1 - pull),
-        (rows(2 / h / limit, 4 / h / limit), -1 + pull, 1 + pull),
-        # Middle Bernstein coefficient of the velocity over the mean speed: neither reversal nor overspeed.
-        (
-            rows(-1 / mean, -1 / mean),
-            np.minimum(SOLVER_MARGIN + 2 * step / np.abs(mean), 1.0) - 3,
-            v_max / np.abs(mean) - 3,
-        ),
-        (sparse.eye_array(nodes.size, format="csr"), np.zeros(nodes.size), v_max / np.abs(scale[nodes])),
-    ]
+        parts = [axis.rows((node, weight)) for axis, weight in zip(axes, across, strict=True)]
+        held = parts[0][1] + parts[1][1]
+        found.append((sparse.hstack([block for block, _ in parts], format="csr"), -bound - held, bound - held))
+    return found
 
 
 def _for_osqp(matrix: sparse.sparray) -> sparse.csc_matrix:
@@ -167,11 +222,3 @@ def _for_osqp(matrix: sparse.sparray) -> sparse.csc_matrix:
     result.sort_indices()
     result.indices, result.indptr = result.indices.astype(np.int32), result.indptr.astype(np.int32)
     return result
-
-
-def _node_speed(task: AxisTask, time_s: FloatArray) -> FloatArray:
-    """Signed mean speed around each node, (n + 1,): the unit in which its velocity is sought; 1 at fixed nodes."""
-    scale = np.ones(task.free.size)
-    mean = (task.move_mm[1:] + task.move_mm[:-1]) / (time_s[1:] + time_s[:-1])
-    scale[1:-1] = np.where(task.free[1:-1], mean, 1.0)
-    return scale
