@@ -26,6 +26,8 @@ from ibfctl.surface.readers import read_map
 
 APERTURE = Rectangle(10.0, 60.0, 12.5, 17.5)
 SPACING_MM = 0.5
+# Finer than the planner's own: on so small a part it costs little, and a residual of 0.3 nm feels 0.002.
+CELLS_PER_WIDTH = 16
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def without_limits(surface: SurfaceMap, tool: Tool) -> dict[str, Any]:
     """Solve dwell times from a map in memory; return residual, beam time and how long it took."""
     begin = time.perf_counter()
     influence, mask = tool.influence(surface.pixel_mm), clear_aperture_mask(surface, APERTURE)
-    misfit = make_misfit(surface, mask, influence, "tilt", cell_size(surface, influence))
+    misfit = make_misfit(surface, mask, influence, "tilt", cell_size(surface, influence, CELLS_PER_WIDTH))
     x_mm, y_mm = _dwell_points(tool.radius_mm)
     operator = RemovalOperator(misfit.grid, misfit.influence, x_mm, y_mm)
     on_pixels = RemovalOperator(grid_of(surface), influence, x_mm, y_mm)
