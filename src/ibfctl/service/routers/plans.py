@@ -54,13 +54,20 @@ class PlanRequest(BaseModel):
     dwell_min_s: Positive | None = None
     corridor_mm: Positive | None = None
     loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
+    margin: Annotated[
+        float | None, Field(ge=0, le=10, description="Share of the residual given for time; default: 0.01.")
+    ] = None
     max_time_s: Annotated[Positive | None, Field(description="The best residual within this run time.")] = None
     max_residual_nm: Annotated[Positive | None, Field(description="The shortest run to this residual, RMS.")] = None
 
+    tikhonov: Annotated[float, Field(ge=0, le=1, description="Relative to the largest eigenvalue.")] = 1e-8
+    l_curve: Annotated[bool, Field(description="Find the Tikhonov factor by the L-curve.")] = False
+    trade_off: Annotated[bool, Field(description="Add the curve of residual against time.")] = False
+
     @model_validator(mode="after")
     def _one_aim(self) -> Self:
-        if self.max_time_s is not None and self.max_residual_nm is not None:
-            raise ValueError("max_time_s and max_residual_nm exclude each other")
+        if sum(aim is not None for aim in (self.margin, self.max_time_s, self.max_residual_nm)) > 1:
+            raise ValueError("margin, max_time_s and max_residual_nm exclude each other")
         return self
 
 
@@ -135,7 +142,7 @@ def _shown(service: State, record: Record) -> Record:
 def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     """Return the arguments of the task that solves a plan, without its output."""
     surface, influence = service.maps.read(request.map_id), service.influences.read(request.influence_id)
-    aim = {"max_time_s", "max_residual_nm"}
+    aim = {"margin", "max_time_s", "max_residual_nm"}
     options = request.model_dump(exclude={"map_id", "influence_id", "clear_aperture_mm", *aim})
     tool = influence.get("formula") or service.upload_of(service.influences, influence["id"])
     return {
@@ -145,7 +152,7 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
         "options": {
             **options,
             "clear_aperture": request.clear_aperture_mm,
-            "aim": request.model_dump(include=aim),
+            "aim": request.model_dump(include=aim, exclude_none=True),
         },
     }
 

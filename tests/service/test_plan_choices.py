@@ -1,0 +1,25 @@
+"""Choices about residual, time and regularisation in the body of a plan."""
+
+import httpx
+import pytest
+
+from tests.support.served import ended
+from tests.support.small_job import TIF, SmallJob
+
+
+def test_a_plan_takes_the_choices_of_the_command_line(served: httpx.Client, small_job: SmallJob) -> None:
+    surface = served.post("/v1/maps", params={"format": "npz"}, content=small_job.map.read_bytes()).json()
+    influence = served.post("/v1/influences", params={"formula": TIF}).json()
+    request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
+    choices = {"margin": 0.2, "l_curve": True, "trade_off": True, "loop": False}
+    plan = ended(served, served.post("/v1/plans", json=request | choices).headers["Location"])
+    assert plan["state"] == "done", plan
+    (chosen,) = (point for point in plan["summary"]["trade_off"] if point["chosen"])
+    assert chosen["rms_nm"] == pytest.approx(plan["summary"]["ideal_rms_nm"])
+
+
+def test_a_factor_out_of_range_is_refused(served: httpx.Client) -> None:
+    body = {"map_id": "x", "influence_id": "y", "tikhonov": 2.0}
+    answer = served.post("/v1/plans", json=body)
+    assert answer.status_code == 422
+    assert "tikhonov" in answer.json()["detail"]
