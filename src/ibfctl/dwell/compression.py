@@ -11,17 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from ibfctl.dwell.misfit import full_width_mm
 from ibfctl.dwell.solver import DwellProblem
 
 FloatArray = NDArray[np.float64]
 
-# Directions beyond which a job is not small: the cost of an iteration grows with their square.
-MAX_DIRECTIONS = 600
+# Work of an iteration, directions squared times steps, beyond which a job is not small: tens of milliseconds.
+MAX_WORK = 2e9
 # Singular values below this share of the largest lie under any noise.
-SMALLEST_SHARE = 1e-3
+SMALLEST_SHARE = 5e-4
 
 
 @dataclass(frozen=True)
@@ -42,22 +41,22 @@ class CompressedProblem:
 
 def compress(problem: DwellProblem) -> CompressedProblem | None:
     """Compress a problem; None where it needs too many directions."""
-    expected = _expected_directions(problem)
-    cells = problem.misfit.root_weight.size
-    if expected > MAX_DIRECTIONS or problem.operator.steps < expected:
+    cells, steps = problem.misfit.root_weight.size, problem.operator.steps
+    expected = min(_expected_directions(problem), steps)
+    if expected**2 * steps > MAX_WORK:
         return None
     random = np.random.default_rng(0)
-    probes = min(int(1.2 * expected) + 20, cells)
+    probes = min(int(1.2 * expected) + 20, cells, steps)
     sample = np.stack(
         [problem.misfit.of(problem.operator(random.standard_normal(problem.operator.steps))) for _ in range(probes)],
         axis=1,
     )
-    basis, triangle, _ = qr(sample, mode="economic", pivoting=True, check_finite=False)
-    size = np.abs(np.diag(triangle))
+    basis, triangle = np.linalg.qr(sample)
+    turn, size, _ = np.linalg.svd(triangle)
     kept = int((size > SMALLEST_SHARE * size[0]).sum())
-    if kept == probes and probes < cells:
+    if kept == probes < min(cells, steps):
         return None
-    basis = basis[:, :kept]
+    basis = basis @ turn[:, :kept]
     removal = np.stack([problem.descent(direction) for direction in basis.T])
     return CompressedProblem(removal, basis.T @ problem.misfit.target)
 

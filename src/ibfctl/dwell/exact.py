@@ -21,7 +21,7 @@ _FREE = 3e-3
 _FIRST = 3e-6
 _SEARCHES = 5
 # How close to the allowed residual or time is close enough, relative.
-_CLOSE = 5e-4
+_CLOSE = 1e-3
 
 
 def aim_exactly(

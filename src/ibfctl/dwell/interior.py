@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, cholesky_banded, lapack
+from scipy.linalg import cholesky_banded, lapack
 
 from ibfctl.dwell.compression import CompressedProblem
 from ibfctl.dwell.solver import Cancelled, DwellProblem, never
@@ -119,7 +119,7 @@ class _Newton:
         self._half = self._lower(matrix.T)
         normal = self._half.T @ self._half
         normal[np.diag_indices_from(normal)] += 1
-        self._normal = cho_factor(normal, overwrite_a=True, check_finite=False)
+        self._inverse = np.linalg.inv(normal)
 
     def _lower(self, values: FloatArray) -> FloatArray:
         """Solve L x = values for the Cholesky factor L of T."""
@@ -127,7 +127,7 @@ class _Newton:
 
     def __call__(self, values: FloatArray) -> FloatArray:
         half = self._lower(values[:, None])[:, 0]
-        half = half - self._half @ cho_solve(self._normal, self._half.T @ half, check_finite=False)
+        half = half - self._half @ (self._inverse @ (self._half.T @ half))
         return np.asarray(lapack.dtbtrs(self._factor, half[:, None], uplo="L", trans="T")[0][:, 0])
 
 

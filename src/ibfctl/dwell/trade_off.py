@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better, ignored
 from ibfctl.dwell.compression import compress
@@ -68,9 +69,11 @@ def aim_at(
     progress
         Called with the share of the work that is done, 0 to 1.
     """
-    small = None if np.isfinite(problem.upper_s).any() else compress(problem)
-    if small is not None:
-        return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled, progress)
+    # The matrices of a small job are small: on a busy machine BLAS threads wait for each other longer than they work.
+    with threadpool_limits(1, "blas"):
+        small = None if np.isfinite(problem.upper_s).any() else compress(problem)
+        if small is not None:
+            return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled, progress)
     effort = effort or Effort()
     if coarse is None:
         return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort, cancelled, progress)
