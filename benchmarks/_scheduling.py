@@ -41,7 +41,7 @@ def measure(segments: int, step_mm: float) -> dict[str, Any]:
     return {
         "schedule_s": min(seconds),
         "segments": len(scheduled.program),
-        "programme_segments": programme_segments(path, dwell_s, machine),
+        "programme_nodes": programme_nodes(path, dwell_s, machine),
         "stretched_segments": stretched_segments(scheduled, dwell_s, machine),
         "checks": len(scheduled.certificate.checks),
         "total_time_s": scheduled.program.total_time_s,
@@ -66,14 +66,14 @@ def dwell_of(path: ToolPath, machine: MachineDescription) -> NDArray[np.float64]
     return np.maximum(relative * path.length_mm / _SPEED_MM_S, shortest_times(path, machine))
 
 
-def programme_segments(path: ToolPath, dwell_s: NDArray[np.float64], machine: MachineDescription) -> int:
-    """Segments that are handed to the quadratic programme the first time, because the plain spline breaks a limit."""
+def programme_nodes(path: ToolPath, dwell_s: NDArray[np.float64], machine: MachineDescription) -> int:
+    """Nodes that are handed to the quadratic programme the first time, because the plain spline breaks a limit."""
     handed = []
     solve = velocity.solve_programme
 
-    def counting(tasks: Any, time_s: NDArray[np.float64], *more: Any) -> Any:
-        handed.append(time_s.size)
-        return solve(tasks, time_s, *more)
+    def counting(*arguments: Any) -> Any:
+        handed.append(int(arguments[-1].sum()))
+        return solve(*arguments)
 
     with patch.object(velocity, "solve_programme", counting):
         schedule(path, dwell_s, machine, CORRIDOR_MM, stretch=True)

@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 
 from ibfctl.errors import LimitsError
+from ibfctl.machine.program import MAX_SEGMENT_SAMPLES
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.schedule.certificate import axis_cubics, certify
 from ibfctl.schedule.scheduler import PvtSchedule, schedule, shortest_times
@@ -44,6 +45,10 @@ def check(scheduled: PvtSchedule, job: Job) -> None:
         step = cubics.time_s[:, None] / 32
         acceleration = np.diff(velocity, axis=1) / step
         assert np.abs(acceleration).max() <= limits.a_max_mm_s2 * (1 + 1e-6)
+        if limits.j_max_mm_s3 is not None:
+            jerk = np.diff(acceleration, axis=1) / step
+            noise = 1e-12 * limits.v_max_mm_s / step**2
+            assert (np.abs(jerk) <= limits.j_max_mm_s3 * (1 + 1e-6) + noise).all()
         places[coordinate] = position
     x, y = places["x"], places["y"]
     dx, dy = x[:, -1:] - x[:, :1], y[:, -1:] - y[:, :1]
@@ -62,7 +67,7 @@ def test_with_stretching_every_timed_path_gives_a_certified_program(job: Job):
     assert drift_s.min() >= -job.machine.sample_period_s * (1 + 1e-6)
 
 
-@settings(max_examples=50)
+@settings(max_examples=35)
 @given(jobs(max_nodes=40))
 def test_without_stretching_it_is_certified_or_names_nodes_and_their_times_are_then_accepted(job: Job):
     dwell_s = job.dwell_s
@@ -87,9 +92,11 @@ def test_without_stretching_it_is_certified_or_names_nodes_and_their_times_are_t
 
 
 @settings(max_examples=60)
-@given(jobs())
+@given(jobs(coarsest_counts_per_mm=10_000.0))
 def test_the_shortest_times_are_accepted_as_they_are(job: Job):
     times_s = shortest_times(job.path, job.machine)
+    # Longer segments are cut into pieces of even speed, which needs more time beside a stop.
+    assume(times_s.max() <= MAX_SEGMENT_SAMPLES * job.machine.sample_period_s)
     check(schedule(job.path, times_s, job.machine, job.corridor_mm), job)
 
 
@@ -124,6 +131,11 @@ def test_scheduling_the_same_job_twice_gives_the_same_integers(job: Job):
 def test_certified_anew_a_stretched_program_still_passes(job: Job):
     scheduled = schedule(job.path, job.dwell_s, job.machine, job.corridor_mm, stretch=True)
     again = certify(
-        scheduled.program, job.machine, job.path, float(scheduled.segment_time_s.sum()), job.corridor_mm
+        scheduled.program,
+        job.machine,
+        job.path,
+        scheduled.segment_time_s,
+        scheduled.source_segment,
+        job.corridor_mm,
     )
     assert again.passed

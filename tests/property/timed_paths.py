@@ -17,6 +17,7 @@ TRAVEL_MM = 200.0
 KINDS = ("raster", "maze", "slanted walk", "grid walk", "spiral", "slanted line", "jittered line")
 STAGES = ((250.0, 2000.0), (5.0, 50.0), (200.0, 100.0), (20.0, 20_000.0), (1.0, 5.0))
 PERIODS_S = (1 / 1024, 1e-3, 1 / 4096)
+SCALES = (100.0, 1000.0, 3276.8, 10_000.0, 1e6)
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ def make_machine(
     letters: str = "AB",
     v_max_mm_s: tuple[float, float] = (250.0, 150.0),
     a_max_mm_s2: tuple[float, float] = (2000.0, 1000.0),
+    j_max_mm_s3: float | None = None,
     sample_period_s: float = 1 / 1024,
     travel_mm: float = TRAVEL_MM,
 ) -> MachineDescription:
@@ -48,6 +50,7 @@ def make_machine(
             "travel_max_mm": travel_mm,
             "v_max_mm_s": v_max_mm_s[index],
             "a_max_mm_s2": a_max_mm_s2[index],
+            "j_max_mm_s3": j_max_mm_s3,
         }
         for index, (letter, coordinate) in enumerate(zip(letters, "xy", strict=True))
     }
@@ -92,19 +95,20 @@ def make_dwell(segments: int, random: np.random.Generator) -> np.ndarray:
 
 
 @st.composite
-def jobs(draw: st.DrawFn, kinds: tuple[str, ...] = KINDS, max_nodes: int = 150) -> Job:
+def jobs(draw: st.DrawFn, max_nodes: int = 150, coarsest_counts_per_mm: float = 100.0) -> Job:
     """A timed path and the machine that is to walk it."""
-    kind = draw(st.sampled_from(kinds))
+    kind = draw(st.sampled_from(KINDS))
     random = np.random.default_rng(draw(st.integers(0, 10_000)))
     nodes = draw(st.sampled_from([2, 3, 5, 20, max_nodes]))
     v_mm_s, a_mm_s2 = draw(st.sampled_from(STAGES))
-    counts = draw(st.sampled_from([100.0, 1000.0, 3276.8, 10_000.0, 1e6]))
+    counts = draw(st.sampled_from([max(scale, coarsest_counts_per_mm) for scale in SCALES]))
     machine = make_machine(
         counts_per_mm=(counts, counts * draw(st.sampled_from([1.0, 0.3, 2.0]))),
         direction=(draw(st.sampled_from([1, -1])), draw(st.sampled_from([1, -1]))),
         letters=draw(st.sampled_from(["AB", "BA", "CF"])),
         v_max_mm_s=(v_mm_s, v_mm_s * draw(st.sampled_from([1.0, 0.6]))),
         a_max_mm_s2=(a_mm_s2, a_mm_s2 * draw(st.sampled_from([1.0, 0.5]))),
+        j_max_mm_s3=draw(st.sampled_from([None, None, None, 100 * a_mm_s2, 5 * a_mm_s2])),
         sample_period_s=draw(st.sampled_from(PERIODS_S)),
     )
     path = make_path(kind, nodes, random)

@@ -57,7 +57,7 @@ def test_a_spacing_that_is_none_is_refused_by_its_option(value: float) -> None:
     assert "--step-mm" in caught.value.hint
 
 
-@pytest.mark.parametrize(("pitch_mm", "step_mm"), [(1e-9, 0.5), (0.5, 1e-9)])
+@pytest.mark.parametrize(("pitch_mm", "step_mm"), [(1e-9, 0.5), (0.5, 1e-9), (1e-3, 1e-3)])
 def test_a_spacing_that_would_fill_the_memory_is_refused(pitch_mm: float, step_mm: float) -> None:
     with pytest.raises(InputError, match="more than"):
         raster(AREA, pitch_mm, step_mm)

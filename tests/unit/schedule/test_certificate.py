@@ -29,10 +29,13 @@ class Motion:
     counts_per_mm: Mapping[str, float] = field(default_factory=lambda: {"A": 1000.0, "B": 1000.0})
     travel_min_mm: Mapping[str, float] = field(default_factory=lambda: {"A": -30.0, "B": -30.0})
     travel_max_mm: float = 30.0
-    end_y_mm: float = 5.0
-    extra_time_s: float = 0.0
+    path_y_mm: tuple[float, ...] = (0.0, 1.0, 2.0, 2.0, 5.0)
+    extra_time_s: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     corridor_mm: float = 0.05
     sample_period_s: float = 1 / 1024
+    machine_counts_per_mm: Mapping[str, float] | None = None
+    machine_sample_period_s: float | None = None
+    j_max_mm_s3: float = 400.0
 
     def certify(self) -> Certificate:
         axes = {}
@@ -42,23 +45,27 @@ class Motion:
             )
             axes[letter] = AxisProgram(increments, velocities, 0, scale)
         program = PvtProgram(axes, {"x": "A", "y": "B"}, np.array(self.samples), self.sample_period_s)
-        path = ToolPath(np.array([0.0, 10.0, 20.0, 20.0, 20.0]), np.array([0.0, 1.0, 2.0, 2.0, self.end_y_mm]))
-        total_s = sum(self.samples) * self.sample_period_s + self.extra_time_s
-        return certify(program, self._machine(), path, total_s, self.corridor_mm)
+        path = ToolPath(np.array([0.0, 10.0, 20.0, 20.0, 20.0]), np.array(self.path_y_mm))
+        time_s = np.array(self.samples) * self.sample_period_s + self.extra_time_s
+        return certify(program, self._machine(), path, time_s, np.arange(4), self.corridor_mm)
 
     def _machine(self) -> MachineDescription:
         axes = {
             letter: {
                 "coordinate": coordinate,
-                "counts_per_mm": self.counts_per_mm[letter],
+                "counts_per_mm": (self.machine_counts_per_mm or self.counts_per_mm)[letter],
                 "travel_min_mm": self.travel_min_mm[letter],
                 "travel_max_mm": self.travel_max_mm,
                 "v_max_mm_s": 20.0,
                 "a_max_mm_s2": 70.0,
+                "j_max_mm_s3": self.j_max_mm_s3,
             }
             for letter, coordinate in (("A", "x"), ("B", "y"))
         }
-        return MachineDescription.model_validate({"name": "bench", "axes": axes, "beam_gate": {"output": 1}})
+        period_s = self.machine_sample_period_s or self.sample_period_s
+        return MachineDescription.model_validate(
+            {"name": "bench", "sample_period_s": period_s, "axes": axes, "beam_gate": {"output": 1}}
+        )
 
 
 GOOD = Motion()
@@ -73,12 +80,13 @@ BROKEN = {
         GOOD, velocities={"A": AT_REST, "B": AT_REST}, samples=(940, 1024, 1024, 1024)
     ),
     # Against the moves in the middle of the slope, along the chord.
-    "reversal_mm_s.A": replace(GOOD, velocities={"A": [-0.5, 0, 0, 0], "B": [0, 0, 0, 0]}),
-    "velocity_of_standing_axis_mm_s.A": replace(GOOD, velocities={"A": [10, 0.01, 0, 0], "B": [1, 0, 0, 0]}),
+    "reversal_counts_s.A": replace(GOOD, velocities={"A": [-0.5, 0, 0, 0], "B": [0, 0, 0, 0]}),
+    "velocity_of_standing_axis_counts_s.A": replace(GOOD, velocities={"A": [10, 0.01, 0, 0], "B": [1, 0, 0, 0]}),
     "velocity_at_end_counts_s.B": replace(GOOD, velocities={"A": [10, 0, 0, 0], "B": [1, 0, 0, 0.01]}),
     "below_travel_counts.A": replace(GOOD, travel_min_mm={"A": 0.001, "B": -30.0}),
     "above_travel_counts.A": replace(GOOD, travel_max_mm=19.999),
-    "end_point_error_counts.B": replace(GOOD, end_y_mm=5.001),
+    "node_error_counts.B": replace(GOOD, path_y_mm=(0.0, 1.0, 2.001, 2.0, 5.0)),
+    "scale_mismatch_counts_per_mm.A": replace(GOOD, machine_counts_per_mm={"A": 1000.1, "B": 1000.0}),
     "largest_increment_counts.B": replace(
         GOOD, counts_per_mm={"A": 1000.0, "B": 2e7}, velocities={"A": [10, 0, 0, 0], "B": [1, 0, 0, 0]}
     ),
@@ -88,7 +96,10 @@ BROKEN = {
     "longest_segment_samples": replace(GOOD, samples=(1024, 1024, 1024, 2050)),
     "shortest_segment_below_two_samples": replace(GOOD, samples=(1024, 1024, -2, 1024)),
     "odd_segments": replace(GOOD, samples=(1024, 1024, 1023, 1024)),
-    "total_time_error_samples": replace(GOOD, extra_time_s=3 / 1024),
+    # At the second node, made good at the third.
+    "node_time_error_samples": replace(GOOD, extra_time_s=(0.0, 3 / 1024, -3 / 1024, 0.0)),
+    "sample_period_mismatch_s": replace(GOOD, machine_sample_period_s=0.001),
+    "peak_jerk_mm_s3.A": replace(GOOD, j_max_mm_s3=50.0),
 }
 
 
@@ -117,8 +128,8 @@ def test_every_check_has_a_motion_that_breaks_it() -> None:
 @pytest.mark.parametrize(
     "motion",
     [
-        replace(GOOD, sample_period_s=float("nan")),
-        replace(GOOD, extra_time_s=float("nan")),
+        replace(GOOD, sample_period_s=float("nan"), machine_sample_period_s=1 / 1024),
+        replace(GOOD, extra_time_s=(0.0, float("nan"), 0.0, 0.0)),
         replace(GOOD, corridor_mm=float("nan")),
     ],
 )
@@ -161,6 +172,6 @@ def test_the_sense_of_an_axis_does_not_matter() -> None:
     moves = {letter: [-value for value in values] for letter, values in GOOD.moves.items()}
     velocities = {letter: [-value for value in values] for letter, values in GOOD.velocities.items()}
     there = {check.name: check.value for check in GOOD.certify().checks if "travel" not in check.name}
-    path_free = {name: value for name, value in there.items() if not name.startswith("end_point")}
+    path_free = {name: value for name, value in there.items() if "node_error" not in name and "scale" not in name}
     back = {check.name: check.value for check in replace(GOOD, moves=moves, velocities=velocities).certify().checks}
     assert {name: back[name] for name in path_free} == path_free
