@@ -20,6 +20,9 @@ _FREE = 3e-3
 # First guess of the price of all beam time, as a share of the squared target.
 _FIRST = 3e-6
 _SEARCHES = 5
+# The floor is found where a nearly free price no longer lowers it by five per cent, or after three.
+_FLOORS = 3
+_SETTLED = 0.95
 # How close to the allowed residual or time is close enough, relative.
 _CLOSE = 1e-3
 
@@ -59,10 +62,13 @@ def aim_exactly(
         points.append(TradeOffPoint(price, residual_nm(times), float(times.sum()), times))
         return points[-1]
 
-    point = at(first)
+    floor = at(first)
     allowed_nm = aim.max_residual_nm
     if aim.max_time_s is None and allowed_nm is None:
-        floor = at(_FREE * point.rms_nm**2 / point.total_time_s)
+        for _ in range(_FLOORS):
+            above, floor = floor, at(_FREE * floor.rms_nm**2 / floor.total_time_s)
+            if floor.rms_nm > _SETTLED * above.rms_nm:
+                break
         allowed_nm = (1 + aim.margin) * floor.rms_nm
 
     def too_dear(point: TradeOffPoint) -> float:
@@ -79,7 +85,7 @@ def aim_exactly(
     chosen = points[0]
     for point in points:
         chosen = better(point, chosen, aim, allowed_nm or np.inf)
-    return TradeOff(min(points, key=lambda point: point.rms_nm), chosen)
+    return TradeOff(min(floor, chosen, key=lambda point: point.rms_nm), chosen)
 
 
 def _next_price(prices: list[float], distances: list[float]) -> float:
