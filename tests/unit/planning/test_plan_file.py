@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+import re
+import resource
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +107,30 @@ def test_the_promised_names_alone_are_enough_to_rebuild_the_motion(hand_made_pla
 def test_a_plan_replaces_the_one_before_and_leaves_nothing_beside_it(hand_made_plan: Plan, written: Path) -> None:
     write_plan(dataclasses.replace(hand_made_plan, planning_time_s=99.0), written)
     assert read_plan(written).planning_time_s == 99.0
+    assert [path.name for path in written.parent.iterdir()] == ["plan.h5"]
+
+
+@contextmanager
+def full_disk(bytes_left: int) -> Iterator[None]:
+    """No file may grow beyond `bytes_left`: writing fails as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_left, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("bytes_left", [0, 100, 5_000, 20_000])
+def test_a_disk_that_fills_up_leaves_the_old_plan_and_no_half_written_one(
+    hand_made_plan: Plan, written: Path, bytes_left: int
+) -> None:
+    before = written.read_bytes()
+    assert bytes_left < len(before)
+    with full_disk(bytes_left), pytest.raises(InputError, match=re.escape(str(written))) as caught:
+        write_plan(hand_made_plan, written)
+    assert "\n" not in str(caught.value)
+    assert written.read_bytes() == before
     assert [path.name for path in written.parent.iterdir()] == ["plan.h5"]
 
 
