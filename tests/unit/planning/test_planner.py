@@ -307,7 +307,7 @@ def test_planning_ends_when_it_is_cancelled(
 def test_whoever_cancels_is_heard_within_a_second(
     tool: InfluenceFunction, machine: MachineDescription, path: str
 ) -> None:
-    y, x = np.mgrid[-1:1:200j, -1:1:300j]
+    y, x = np.mgrid[-1:1:150j, -1:1:200j]
     surface = SurfaceMap.centred(30 * (x**2 + y**2) + 5 * np.sin(9 * x * y), 0.1)
     asked_s = [time.process_time()]
 
@@ -315,10 +315,10 @@ def test_whoever_cancels_is_heard_within_a_second(
         asked_s.append(time.process_time())
         return False
 
-    options = PlanOptions(pitch_mm=0.25, step_mm=0.25, path=path)  # type: ignore[arg-type]
+    options = PlanOptions(pitch_mm=0.3, step_mm=0.3, path=path)  # type: ignore[arg-type]
     plan = make_plan(surface, tool, machine, options, cancelled=listen)
     asked_s.append(time.process_time())
-    assert plan.path.segments > 10_000
+    assert plan.path.segments > 5000
     assert np.diff(asked_s).max() < 1.0
 
 
