@@ -31,6 +31,10 @@ FloatArray = NDArray[np.float64]
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 2.0, 2.0, 2.0)
 
 
+# Each round splits what was too long; a possible path settles in a few.
+_COUNTING_ROUNDS = 60
+
+
 @dataclass(frozen=True)
 class PvtSchedule:
     """A certified program and the times it really takes.
@@ -157,8 +161,14 @@ def _shortest_samples(tasks: Tasks, sample_period_s: float) -> IntArray:
 
 
 def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription, at_rest: NDArray[np.bool_]) -> CountedPath:
-    """Count a path whose segments take `samples` (n,), or the shortest time of each piece where that is longer."""
-    while True:
+    """Count a path whose segments take `samples` (n,), or the shortest time of each piece where that is longer.
+
+    Raises
+    ------
+    LimitsError
+        If the limits are so low that even a piece of one count takes longer than a segment may.
+    """
+    for _ in range(_COUNTING_ROUNDS):
         counted = count_path(path, samples, machine)
         shortest = _shortest_samples(_tasks(counted, machine, at_rest), machine.sample_period_s)
         enough = np.maximum(counted.time_samples, shortest)
@@ -166,6 +176,12 @@ def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription, at_
             return replace(counted, time_samples=enough)
         # Too long for one piece: count again, in more pieces.
         samples = _per_segment(counted, enough, path)
+    longest_s = MAX_SEGMENT_SAMPLES * machine.sample_period_s
+    raise LimitsError(
+        f"schedule: the machine's limits are too low for its counts: moving by one takes longer than {longest_s:.3g} s, "
+        "the longest segment",
+        "check counts_per_mm, a_max_mm_s2 and j_max_mm_s3 in the machine file",
+    )
 
 
 def _per_segment(counted: CountedPath, samples: IntArray, path: ToolPath) -> IntArray:

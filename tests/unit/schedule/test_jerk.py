@@ -112,3 +112,10 @@ def test_a_limit_that_is_none_is_refused(jerk_mm_s3: float) -> None:
     path = ToolPath(np.array([0.0, 3.0]), np.zeros(2))
     with pytest.raises(InputError, match="jerk"):
         schedule(path, np.ones(1), make_machine(), CORRIDOR_MM, jerk_max_mm_s3=jerk_mm_s3)
+
+
+def test_a_limit_too_low_for_one_count_is_refused() -> None:
+    machine = make_machine(counts_per_mm=(30.0, 30.0), a_max_mm_s2=(5.0, 5.0), sample_period_s=1 / 4096)
+    path = ToolPath(np.array([0.0, 1 / 30, 0.0]), np.zeros(3))  # one count there, one back
+    with pytest.raises(LimitsError, match="too low for its counts"):
+        schedule(path, np.full(2, 1.0), machine, 0.025, stretch=True, jerk_max_mm_s3=1.6)
