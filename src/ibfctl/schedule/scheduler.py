@@ -31,8 +31,8 @@ FloatArray = NDArray[np.float64]
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 2.0, 2.0, 2.0)
 
 
-# Each round splits what was too long; a possible path settles in a few.
-_COUNTING_ROUNDS = 60
+# Each round splits what was too long; a path that is possible at all settles in some hundreds at the very most.
+_COUNTING_ROUNDS = 1000
 
 
 @dataclass(frozen=True)
@@ -178,8 +178,7 @@ def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription, at_
         samples = _per_segment(counted, enough, path)
     longest_s = MAX_SEGMENT_SAMPLES * machine.sample_period_s
     raise LimitsError(
-        f"schedule: the machine's limits are too low for its counts: moving by one takes longer than {longest_s:.3g} s, "
-        "the longest segment",
+        f"schedule: the machine's limits are too low for its counts: moving by one takes longer than {longest_s:.3g} s",
         "check counts_per_mm, a_max_mm_s2 and j_max_mm_s3 in the machine file",
     )
 
