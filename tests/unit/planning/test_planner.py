@@ -264,6 +264,31 @@ def test_a_map_with_nothing_to_remove_is_run_over_as_fast_as_the_machine_can(
     assert plan.program.total_time_s < 60
 
 
+def test_an_aperture_smaller_than_the_tool(
+    surface: SurfaceMap, tool: InfluenceFunction, machine: MachineDescription
+) -> None:
+    plan = make_plan(surface, tool, machine, replace(OPTIONS, clear_aperture=Rectangle(-0.7, 0.7, -0.5, 0.5)))
+    assert plan.certificate.passed
+    assert figures(plan)[2] < figures(plan)[0]
+    assert plan.path.x_mm.min() <= -0.5 - tool.radius_mm
+
+
+def test_a_measured_tool_with_noise_around_it(
+    surface: SurfaceMap, tool: InfluenceFunction, machine: MachineDescription
+) -> None:
+    noise = 0.01 * tool.peak_rate_nm_s * np.random.default_rng(2).normal(size=tool.rate_nm_s.shape)
+    plan = make_plan(surface, InfluenceFunction(tool.rate_nm_s + noise, tool.pixel_mm), machine, OPTIONS)
+    assert figures(plan)[2] < 0.05 * figures(plan)[0]
+
+
+def test_a_tool_whose_peak_is_not_in_the_middle_of_its_table(
+    surface: SurfaceMap, tool: InfluenceFunction, machine: MachineDescription
+) -> None:
+    shifted = InfluenceFunction(np.pad(tool.rate_nm_s, ((10, 0), (0, 0))), tool.pixel_mm)
+    plan = make_plan(surface, shifted, machine, OPTIONS)
+    assert figures(plan)[2] < 0.03 * figures(plan)[0]
+
+
 def test_a_spike_is_no_reason_to_fail(
     surface: SurfaceMap, tool: InfluenceFunction, machine: MachineDescription
 ) -> None:
