@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from ibfctl.errors import InputError
 from ibfctl.surface.influence import InfluenceFunction
@@ -57,6 +59,38 @@ def pixels_of(surface: SurfaceMap, mask: NDArray[np.bool_]) -> tuple[NDArray[np.
 def grown(area: Rectangle, by_mm: float) -> Rectangle:
     """`area` with a margin on all sides."""
     return Rectangle(area.x0_mm - by_mm, area.x1_mm + by_mm, area.y0_mm - by_mm, area.y1_mm + by_mm)
+
+
+def fills_its_box(mask: NDArray[np.bool_]) -> bool:
+    """Whether the pixels of `mask` (ny, nx) are a full rectangle."""
+    rows, columns = mask.any(axis=1), mask.any(axis=0)
+    return bool(mask.sum() == rows.sum() * columns.sum())
+
+
+def within_reach(
+    surface: SurfaceMap,
+    mask: NDArray[np.bool_],
+    x_mm: NDArray[np.float64],
+    y_mm: NDArray[np.float64],
+    reach_mm: float,
+) -> NDArray[np.bool_]:
+    """Whether a pixel of `mask` (ny, nx) has its centre within `reach_mm` of each position; the shape of `x_mm`.
+
+    `reach_mm` must be at least half the diagonal of a pixel.
+    """
+    row, column = (
+        np.rint((place_mm - first_mm) / surface.pixel_mm).astype(np.int64)
+        for place_mm, first_mm in ((y_mm, surface.y0_mm), (x_mm, surface.x0_mm))
+    )
+    on_map = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    reached = np.zeros(x_mm.shape, dtype=bool)
+    reached[on_map] = mask[row[on_map], column[on_map]]
+    # From outside, the nearest pixel is on the rim.
+    rim = mask & ~ndimage.binary_erosion(mask)
+    outside = np.column_stack([x_mm[~reached], y_mm[~reached]])
+    distance_mm, _ = cKDTree(np.column_stack(pixels_of(surface, rim))).query(outside, distance_upper_bound=reach_mm)
+    reached[~reached] = np.isfinite(distance_mm)
+    return reached
 
 
 def check_sizes(surface: SurfaceMap, influence: InfluenceFunction) -> None:

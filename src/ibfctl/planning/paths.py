@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ibfctl.errors import InputError
 from ibfctl.path.from_file import read_nodes
 from ibfctl.path.maze import cell_centres, maze
-from ibfctl.path.raster import raster
+from ibfctl.path.raster import raster, raster_places
 from ibfctl.path.tool_path import ToolPath
-from ibfctl.planning.aperture import bounding_box, grown
+from ibfctl.planning.aperture import bounding_box, fills_its_box, grown, within_reach
 from ibfctl.planning.options import PlanOptions
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import Rectangle, SurfaceMap
@@ -27,20 +26,23 @@ def make_path(
         return read_nodes(options.path)
     area = grown(bounding_box(surface, mask), influence.radius_mm)
     if options.path == "raster":
-        return raster(area, options.pitch_mm, options.step_mm, options.scan_axis)
+        return _raster(surface, mask, influence.radius_mm, area, options)
     if options.path == "maze":
-        return maze(area, options.pitch_mm, options.seed, _near(surface, mask, influence.radius_mm, area, options))
+        x_mm, y_mm = np.meshgrid(*cell_centres(area, options.pitch_mm))
+        reach_mm = influence.radius_mm + np.sqrt(2) * options.pitch_mm
+        allowed = within_reach(surface, mask, x_mm, y_mm, reach_mm)
+        return maze(area, options.pitch_mm, options.seed, allowed)
     raise InputError(f"path {options.path!r} cannot be laid", "choose raster, maze, or a file of nodes")
 
 
-def _near(
+def _raster(
     surface: SurfaceMap, mask: NDArray[np.bool_], radius_mm: float, area: Rectangle, options: PlanOptions
-) -> NDArray[np.bool_]:
-    """Cells of a maze over `area` from which the tool reaches the clear aperture."""
-    rows, columns = np.nonzero(mask)
-    pixels = np.column_stack([surface.x_mm[columns], surface.y_mm[rows]])
-    x_mm, y_mm = cell_centres(area, options.pitch_mm)
-    centres = np.column_stack([part.ravel() for part in np.meshgrid(x_mm, y_mm)])
-    reach_mm = radius_mm + np.sqrt(2) * options.pitch_mm
-    distance_mm, _ = cKDTree(pixels).query(centres, distance_upper_bound=reach_mm)
-    return np.asarray(np.isfinite(distance_mm).reshape(y_mm.size, x_mm.size))
+) -> ToolPath:
+    """Lay a raster; over anything but a rectangle, only where the tool reaches the clear aperture."""
+    spacings = options.pitch_mm, options.step_mm, options.scan_axis
+    if fills_its_box(mask):
+        return raster(area, *spacings)
+    along, across = np.meshgrid(*raster_places(area, *spacings))
+    x_mm, y_mm = (along, across) if options.scan_axis == "x" else (across, along)
+    reach_mm = radius_mm + np.sqrt(0.5) * surface.pixel_mm
+    return raster(area, *spacings, needed=within_reach(surface, mask, x_mm, y_mm, reach_mm))
