@@ -1,0 +1,31 @@
+"""Where runs keep things: the data folder, the folder of one run, the locks of machines."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+JOB, PLAN, MACHINE = "job.json", "plan.h5", "machine.toml"
+CONTROL, LOCK, STATUS, LOG = "control", "worker.lock", "status.json", "worker.log"
+RUN, SIDE = "run.h5", "journal.side.jsonl"
+
+
+def state_folder() -> Path:
+    """Return the product's folder in the user's state directory."""
+    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state) / "ibfctl"
+
+
+def run_folder(data: Path, run: str) -> Path:
+    """Return the folder of a run."""
+    return data / "runs" / run
+
+
+def journal_path(data: Path) -> Path:
+    """Return the journal of a data folder."""
+    return data / "journal.db"
+
+
+def journal_beside(folder: Path) -> Path:
+    """Return the journal that belongs to a run's folder."""
+    return journal_path(folder.parent.parent)
