@@ -1,6 +1,7 @@
 import json
 import os
 import threading
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,8 @@ def test_an_act_is_never_torn_apart(tmp_path: Path) -> None:
 
 def test_a_worker_that_does_not_listen_is_told_of(tmp_path: Path) -> None:
     descriptor = open_pipe(tmp_path)
+    flood = ({"act": "interlock", "name": "x" * 3000} for _ in range(100))
     with pytest.raises(RunError, match="does not listen"):
-        for _ in range(100):
-            send(tmp_path, {"act": "interlock", "name": "x" * 3000})
+        deque((send(tmp_path, act) for act in flood), maxlen=0)
     assert json.loads(os.read(descriptor, 4096).split(b"\n")[0])["act"] == "interlock"
     os.close(descriptor)

@@ -1,3 +1,5 @@
+import itertools
+
 import pytest
 
 from ibfctl.errors import RunError
@@ -10,7 +12,7 @@ ENDS = {"stopped", "aborted", "faulted", "estopped"}
 
 @pytest.mark.parametrize("way", [USUAL, WITH_PAUSE, ["running", "interrupted", "resuming", "running"]])
 def test_what_a_run_does_is_allowed(way: list[str]) -> None:
-    for old, new in zip(way, way[1:], strict=False):
+    for old, new in itertools.pairwise(way):
         check(RunState(old), RunState(new))
 
 
