@@ -20,6 +20,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+def state_folder() -> Path:
+    """Return the product's folder in the user's state directory; it may not exist yet."""
+    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state) / "ibfctl"
+
+
 def save_npz(path: Path, **arrays: Any) -> None:
     """Write named arrays to a compressed NumPy archive, completely or not at all."""
     import numpy as np  # the command line imports this module and loads nothing numerical

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from pydantic import BaseModel
@@ -82,14 +83,24 @@ def test_the_programs_of_a_page_run(page: Path, folder: Path, address: str) -> N
         _run([sys.executable, "-W", "error", "-c", block.replace(SERVICE, address)], folder)
 
 
+def _commands_below(command: click.Command, name: str) -> Iterator[tuple[str, click.Command]]:
+    yield name, command
+    if isinstance(command, click.Group):
+        for verb, below in command.commands.items():
+            yield from _commands_below(below, f"{name} {verb}")
+
+
 def test_every_option_is_in_the_page_of_the_command_line() -> None:
     page = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
     for verb in cli.list_commands(None):
         assert f"## {verb}\n" in page
-        command = cli.get_command(None, verb)
-        for parameter in command.params:
-            for option in (*parameter.opts, *parameter.secondary_opts):
-                assert not option.startswith("--") or f"`{option}" in page, f"{verb} {option}"
+        section = page.split(f"## {verb}\n")[1].split("\n## ")[0]
+        for name, command in _commands_below(cli.get_command(None, verb), verb):
+            words = name.split()[1:]
+            assert all(word in section for word in words), name
+            for parameter in command.params:
+                for option in (*parameter.opts, *parameter.secondary_opts):
+                    assert not option.startswith("--") or f"`{option}" in page, f"{name} {option}"
 
 
 def _keys(model: type[BaseModel]) -> Iterator[str]:

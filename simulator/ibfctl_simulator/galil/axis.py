@@ -292,5 +292,3 @@ class Axis:
             self.stop(UNDERRUN, at_once=self.settings.underrun_deceleration == "instant")
         else:
             self.finish(profile.end_code)
-
-

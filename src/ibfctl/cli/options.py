@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ibfctl.machine.shipped import shipped_machine
+from ibfctl.files import state_folder
+from ibfctl.machine.shipped import machine_file
 
 if TYPE_CHECKING:
     from ibfctl.surface.map import Rectangle
@@ -33,10 +34,7 @@ def corners(ctx: click.Context, param: click.Parameter, value: str | None) -> Re
 
 def _machine_path(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
     """Take a path, or the bare name of a machine file that comes with the package."""
-    if value is None:
-        return None
-    path = Path(value)
-    return shipped_machine(value) if path.suffix == "" and path.name == value and not path.is_file() else path
+    return None if value is None else machine_file(value)
 
 
 def machine_option(*, required: bool) -> Decorator:
@@ -101,6 +99,14 @@ unit_options = _together(
     click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z."),
     click.option("--tif-pixel-mm", type=float, help="Pixel size of TIF, mm, where the file does not say it."),
     click.option("--tif-unit", metavar="UNIT", help="Unit of rates (nm/s, um/min, ...) where the file has none."),
+)
+
+data_option: Decorator = click.option(
+    "--data",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=state_folder,
+    show_default="in the user's state folder",
+    help="The service's data folder.",
 )
 
 json_option: Decorator = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")

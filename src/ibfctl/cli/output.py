@@ -25,6 +25,15 @@ def print_lines(lines: Sequence[tuple[str, str]]) -> None:
         click.echo(f"{name:<{width}}  {value}".rstrip())
 
 
+def print_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> None:
+    """Print some fields of every row under their names; nothing at all where there are no rows."""
+    shown = [["" if row.get(name) is None else str(row[name]) for name in columns] for row in rows]
+    if shown:
+        widths = [max(map(len, column)) for column in zip(columns, *shown, strict=True)]
+        for line in (columns, *shown):
+            click.echo("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
+
+
 def check_writable(path: Path) -> None:
     """Refuse an output path before the work begins, not after."""
     if path.is_dir():

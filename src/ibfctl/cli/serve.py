@@ -5,57 +5,78 @@ from __future__ import annotations
 import ipaddress
 import socket
 from pathlib import Path
+from typing import Any
 
 import click
 
-from ibfctl.cli.options import machine_option, speed_option
 from ibfctl.errors import InputError
-from ibfctl.machine.shipped import shipped_machine
+
+_FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.command(name="serve")
-@click.option("--simulate", is_flag=True, help="Stream runs to emulated controllers instead of the machine's own.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Loopback address to listen on.")
-@click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="TCP port; 0: any.")
+@click.option("--config", type=_FILE, help="TOML file with these settings; options come before it.")
+@click.option("--simulate", is_flag=True, default=None, help="Stream runs to an emulated controller.")
+@click.option("--host", help="Address to listen on; default: 127.0.0.1. Any other needs keys.")
+@click.option("--port", type=click.IntRange(0, 65535), help="TCP port; 0: any; default: 8000.")
 @click.option(
     "--data",
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for all data; default: in the user's state folder.",
 )
-@machine_option(required=False)
-@speed_option(1.0)
-def command(simulate: bool, host: str, port: int, data: Path | None, machine: Path | None, speed: float) -> None:
-    """Serve maps, plans and runs over REST, to this computer alone."""
-    if machine is None:
-        if not simulate:
-            raise InputError("serve: no machine is given", "give --machine FILE, or --simulate")
-        machine = shipped_machine("simulator")
-    listener = _listen(host, port)
+@click.option("--machine", metavar="FILE", help="Machine file, or the name of a shipped one: nsls2-ibf, simulator.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Clock of the emulated controller: its seconds per second; default: 1.",
+)
+@click.option("--tls-certificate", type=_FILE, help="Certificate chain (PEM): serve HTTPS.")
+@click.option("--tls-key", type=_FILE, help="The certificate's key (PEM).")
+def command(config: Path | None, **options: Any) -> None:
+    """Serve maps, plans and runs over REST: to this computer alone, or by keys."""
+    from ibfctl.service.config import read_config
+
+    told = read_config(config, {name: value for name, value in options.items() if value is not None})
+    settings = told.settings()
+    listener = _listen(told.host, told.port, has_keys=_has_keys(settings.data))
     try:
         import uvicorn
 
         from ibfctl.machine.description import read_machine
         from ibfctl.service.app import create_app
-        from ibfctl.service.settings import Settings, default_data_folder
 
-        read_machine(machine)
-        settings = Settings(data or default_data_folder(), machine.absolute(), simulate, speed)
+        read_machine(settings.machine)
         shown, bound = listener.getsockname()[:2]
-        click.echo(f"serving on http://{shown}:{bound}, data in {settings.data}", err=True)
-        config = uvicorn.Config(create_app(settings), log_level="warning", lifespan="on")
-        uvicorn.Server(config).run(sockets=[listener])
+        scheme = "http" if told.tls_certificate is None else "https"
+        click.echo(f"serving on {scheme}://{shown}:{bound}, data in {settings.data}", err=True)
+        server = uvicorn.Config(
+            create_app(settings),
+            log_level="warning",
+            lifespan="on",
+            ssl_certfile=told.tls_certificate,
+            ssl_keyfile=told.tls_key,
+        )
+        uvicorn.Server(server).run(sockets=[listener])
     finally:
         listener.close()
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def _has_keys(data: Path) -> bool:
+    from ibfctl.service.keys import KeyRing
+
+    return bool(KeyRing(data).all_keys())
+
+
+def _listen(host: str, port: int, *, has_keys: bool) -> socket.socket:
     """Bind before anything is loaded, so that a port in use is told at once."""
     try:
         address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
     except ValueError as error:
         raise InputError(f"serve: {host!r} is no IP address", "give --host 127.0.0.1 or ::1") from error
-    if not address.is_loopback:
-        raise InputError(f"serve: {host} can be reached from other computers", "without keys only 127.0.0.1 is served")
+    if not address.is_loopback and not has_keys:
+        raise InputError(
+            f"serve: {host} can be reached from other computers, and there are no keys", "`ibfctl keys add` makes one"
+        )
     try:
         return socket.create_server(
             (str(address), port), family=socket.AF_INET6 if address.version == 6 else socket.AF_INET

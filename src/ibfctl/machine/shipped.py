@@ -17,3 +17,9 @@ def shipped_machine(name: str) -> Path:
         if path.is_file():
             return path
     raise InputError(f"machine {name}: does not come with this installation", "give the path of a machine file")
+
+
+def machine_file(name: str) -> Path:
+    """Return the path that is given, or that of a shipped machine file where it is a bare name."""
+    path = Path(name)
+    return shipped_machine(name) if path.suffix == "" and path.name == name and not path.is_file() else path

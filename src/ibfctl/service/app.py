@@ -9,7 +9,8 @@ from fastapi import FastAPI
 
 from ibfctl import __version__
 from ibfctl.service import problems
-from ibfctl.service.origin import LocalOnly
+from ibfctl.service.access import Access
+from ibfctl.service.keys import KeyRing
 from ibfctl.service.routers import influences, info, maps, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
@@ -39,7 +40,7 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
     )
     problems.install(app)
-    app.add_middleware(LocalOnly)
+    app.add_middleware(Access, keys=KeyRing(settings.data))
     for module in (maps, influences, plans, runs, info):
         app.include_router(module.router, prefix="/v1")
     app.include_router(info.health)

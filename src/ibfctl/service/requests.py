@@ -26,7 +26,8 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="Most items on a page.")
 After = Annotated[str | None, Query(description="Id of the last item of the page before.")]
 
 _MEANINGS = {
-    403: "The request comes from another computer or a foreign page.",
+    401: "There are keys, and the request has none of them.",
+    403: "The key's role does not allow this; without keys: the request comes from another computer or a foreign page.",
     404: "There is no such resource.",
     409: "Not now, or not so: the problem says why.",
     413: "The body is larger than the service accepts.",
@@ -37,7 +38,7 @@ _MEANINGS = {
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Describe the problems that an operation may answer, for its documentation."""
     content = {MEDIA_TYPE: {"schema": Problem.model_json_schema()}}
-    return {status: {"description": _MEANINGS[status], "content": content} for status in (403, 422, *statuses)}
+    return {status: {"description": _MEANINGS[status], "content": content} for status in (401, 403, 422, *statuses)}
 
 
 def page(collection: Collection, limit: int, after: str | None, show: Callable[[Record], Record]) -> dict[str, Any]:

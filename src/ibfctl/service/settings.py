@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +22,8 @@ class Settings:
         Seconds of an emulated controller per second of the clock on the wall.
     max_upload_bytes
         Larger bodies are refused while they arrive.
+    max_map_pixels
+        Larger maps and influence functions are refused once their size is known.
     """
 
     data: Path
@@ -30,9 +31,4 @@ class Settings:
     simulate: bool = False
     speed: float = 1.0
     max_upload_bytes: int = 1 << 30
-
-
-def default_data_folder() -> Path:
-    """Return the folder in the user's state directory."""
-    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "ibfctl"
+    max_map_pixels: int = 1 << 26

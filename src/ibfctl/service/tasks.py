@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import resource
 import sys
 import threading
 from collections.abc import Callable
@@ -19,17 +20,20 @@ from typing import Any, cast
 
 import numpy as np
 
-from ibfctl.errors import IbfctlError
+from ibfctl.errors import IbfctlError, InputError
 from ibfctl.files import save_npz
 from ibfctl.jobs.inputs import InfluenceFile, MapFile
 
 Arguments = dict[str, Any]
 _NICENESS = 5
+_INSPECTION_BYTES = 8 << 30
 
 
 def inspect_map(arguments: Arguments) -> Arguments:
     """Read a map and return its figures."""
+    most = arguments.pop("max_pixels")
     surface = MapFile(**arguments).read()
+    _refuse_large(surface.height_nm.shape, most)
     valid_nm = surface.height_nm[np.isfinite(surface.height_nm)]
     ny, nx = surface.height_nm.shape
     return {
@@ -46,7 +50,9 @@ def inspect_map(arguments: Arguments) -> Arguments:
 
 def inspect_influence(arguments: Arguments) -> Arguments:
     """Read an influence function and return its figures."""
+    most = arguments.pop("max_pixels")
     influence = InfluenceFile(**arguments).read()
+    _refuse_large(influence.rate_nm_s.shape, most)
     ny, nx = influence.rate_nm_s.shape
     return {
         "nx": nx,
@@ -160,13 +166,25 @@ TASKS: dict[str, Callable[[Arguments], Arguments]] = {
 def main() -> int:
     """Do one task; return the exit code."""
     arguments = cast(Arguments, json.loads(sys.stdin.readline()))
+    if sys.argv[1].startswith("inspect"):  # a small archive may unpack to any size
+        resource.setrlimit(resource.RLIMIT_AS, (_INSPECTION_BYTES, _INSPECTION_BYTES))
     try:
         figures = TASKS[sys.argv[1]](arguments)
     except IbfctlError as error:
         _print("failed", code=error.code, message=error.message, hint=error.hint)
         return error.exit_code
+    except MemoryError:
+        hint = "crop or bin it, or give the service more memory"
+        _print("failed", code="too_large", message="the input does not fit into memory", hint=hint)
+        return 1
     _print("finished", figures=figures)
     return 0
+
+
+def _refuse_large(shape: tuple[int, ...], most: int) -> None:
+    ny, nx = shape
+    if nx * ny > most:
+        raise InputError(f"{nx} x {ny} pixels are more than the {most} that this service takes", "crop or bin it")
 
 
 def _parent_is_gone() -> Callable[[], bool]:

@@ -52,7 +52,7 @@ async def store_upload(
         if earlier is not None:
             return earlier
         place = "path" if task == "inspect-map" else "spec"
-        figures = await inspect(task, {**given, place: str(path)}, path.name)
+        figures = await inspect(task, {**given, place: str(path), "max_pixels": settings.max_map_pixels}, path.name)
         record = collection.write(
             identity, {"format": form, "bytes": size, "sha256": sha256, "given": given, "figures": figures}
         )

@@ -48,7 +48,8 @@ async def add_influence(
     earlier = collection.recall(key, fingerprint)
     if earlier is not None:
         return linked(collection, earlier)
-    figures = await inspect("inspect-influence", {**given, "spec": formula}, formula)
+    asked = {**given, "spec": formula, "max_pixels": service.settings.max_map_pixels}
+    figures = await inspect("inspect-influence", asked, formula)
     identity = collection.create()
     collection.remember(key, fingerprint, identity)
     return linked(collection, collection.write(identity, {"formula": formula, "given": given, "figures": figures}))
