@@ -6,6 +6,7 @@ transform each way: N log N in the pixels, never a stamp per path point.
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 
 import numpy as np
@@ -60,7 +61,7 @@ class Convolution:
             for reach, shift, length in zip(half, offset, self._shape, strict=True)
         )
         padded[np.ix_(rows, columns)] = kernel
-        self._precision = precision
+        self.precision = precision
         self._transfer = fft.rfft2(padded.astype(precision), workers=self._workers)
         self._reverse = np.conj(self._transfer)
 
@@ -73,7 +74,7 @@ class Convolution:
         return self._filtered(values, self._reverse)[: self._source_shape[0], : self._source_shape[1]]
 
     def _filtered(self, values: FloatArray, transfer: NDArray[np.complex128]) -> FloatArray:
-        spectrum = fft.rfft2(values.astype(self._precision, copy=False), self._shape, workers=self._workers)
+        spectrum = fft.rfft2(values.astype(self.precision, copy=False), self._shape, workers=self._workers)
         spectrum *= transfer
         return np.asarray(fft.irfft2(spectrum, self._shape, workers=self._workers, overwrite_x=True))
 
@@ -125,6 +126,12 @@ class RemovalOperator:
     def steps(self) -> int:
         """Number of steps, n."""
         return int(self.gather.shape[0])
+
+    def on(self, target: Grid, influence: InfluenceFunction) -> RemovalOperator:
+        """Return the operator of the same steps on another grid in line with this one."""
+        other = copy.copy(self)
+        other.convolution = Convolution(target, self.source, influence, self.convolution.precision)
+        return other
 
     @cached_property
     def _deposit(self) -> sparse.csr_array:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from ibfctl.dwell.deposition import Grid
 from ibfctl.dwell.misfit import Misfit
+from ibfctl.dwell.solver import DwellProblem
+from ibfctl.surface.levelling import Levelling
 
 FloatArray = NDArray[np.float64]
+
+# Removal of even dwell times, relative to the largest, where the surface still counts as covered.
+_COVERED = 0.9
 
 
 def extended(misfit: Misfit, grid: Grid) -> FloatArray:
@@ -24,6 +31,23 @@ def extended(misfit: Misfit, grid: Grid) -> FloatArray:
     values[place] = (misfit.target / misfit.root_weight)[inside]
     nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     return np.asarray(values[tuple(nearest)])
+
+
+def extended_problem(problem: DwellProblem) -> DwellProblem:
+    """Return the problem with the extended target, as far as the dwell points cover it evenly.
+
+    Beyond that the tool works from one side alone, and would be asked for mountains of time. Piston alone is free.
+    """
+    misfit, grid = problem.misfit, problem.operator.source
+    operator = problem.operator.on(grid, misfit.influence)
+    covered = operator(np.ones(operator.steps))
+    mask = covered >= _COVERED * covered.max()
+    root_weight = np.full(int(mask.sum()), mask.sum() ** -0.5)
+    levelling = Levelling.over(mask, "piston", root_weight)
+    target = levelling(extended(misfit, grid)[mask] * root_weight)
+    return replace(
+        problem, operator=operator, misfit=Misfit(grid, mask, root_weight, target, levelling, misfit.influence)
+    )
 
 
 def _within(index: NDArray[np.int64], size: int) -> NDArray[np.bool_]:

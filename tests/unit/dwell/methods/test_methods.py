@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import nnls as reference_nnls
+from scipy.sparse.linalg import LinearOperator, lsmr
 
 from ibfctl.dwell.deposition import Grid
-from ibfctl.dwell.methods.extension import extended
+from ibfctl.dwell.methods.damped_lsmr import damped_lsmr, krylov_space
+from ibfctl.dwell.methods.extension import extended, extended_problem
 from ibfctl.dwell.methods.inverse_filter import inverse_filter
 from ibfctl.dwell.methods.nnls import nnls
 from ibfctl.dwell.methods.solution import Solution
@@ -91,3 +93,50 @@ def test_extension_repeats_the_nearest_cell() -> None:
     np.testing.assert_allclose(plane[3:-3, 2:-2], inside)
     np.testing.assert_allclose(plane[:3, 2:-2], np.tile(inside[0], (3, 1)))
     np.testing.assert_allclose(plane[3:-3, -2:], np.repeat(inside[:, -1:], 2, axis=1))
+
+
+def test_damped_lsmr_is_the_references() -> None:
+    problem = make_problem(24, 1.0)
+    operator = LinearOperator(
+        (problem.misfit.target.size, problem.operator.steps),
+        matvec=lambda time_s: problem.misfit.of(problem.operator(time_s)),
+        rmatvec=lambda values: problem.operator.adjoint(problem.misfit.adjoint(values)),
+        dtype=float,
+    )
+    for iterations, damping in ((1, 0.1), (8, 0.0), (8, 0.3), (10, 0.1)):
+        space = krylov_space(problem, iterations)
+        reference, *_ = lsmr(operator, problem.misfit.target, damping, atol=0, btol=0, conlim=0, maxiter=iterations)
+        np.testing.assert_allclose(space.lsmr(damping), reference, atol=1e-6 * np.abs(reference).max())
+
+
+def test_the_damping_is_searched_and_times_are_offset_to_be_long_enough() -> None:
+    problem = make_problem()
+    found = damped_lsmr(problem)
+    assert found.bound_violation_s < 1e-12
+    assert found.time_s.min() == pytest.approx(LOWER_S)
+    assert found.rms_nm < 1.001 * nnls(problem).rms_nm
+    space = krylov_space(problem)
+    for factor in (1e-4, 1e-2, 1e-1):
+        time_s = space.lsmr(factor * space.largest_nm_s)
+        assert found.rms_nm <= problem.rms_nm(time_s + LOWER_S - time_s.min()) + 1e-3
+
+
+def test_an_extended_surface_asks_for_more_than_the_aperture_and_leaves_more_on_it() -> None:
+    problem = make_problem()
+    plain, wide = damped_lsmr(problem), damped_lsmr(problem, extend=True)
+    assert wide.problem is problem
+    assert wide.bound_violation_s < 1e-12
+    assert extended_problem(problem).misfit.target.size > 1.3 * problem.misfit.target.size
+    assert plain.rms_nm < wide.rms_nm < 0.05 * float(np.linalg.norm(problem.misfit.target))
+
+
+def test_tools_are_offset_each_by_itself() -> None:
+    problem = make_problem(24, 1.0)
+    half = problem.operator.steps // 2
+    found = damped_lsmr(problem, blocks=(slice(0, half), slice(half, None)))
+    assert [part.min() for part in np.split(found.time_s, [half])] == pytest.approx([LOWER_S, LOWER_S])
+
+
+def test_the_search_for_the_damping_can_be_cancelled() -> None:
+    with pytest.raises(CancelledError):
+        damped_lsmr(make_problem(20), cancelled=lambda: True)
