@@ -50,7 +50,7 @@ def test_an_aperture_without_pixels(small_job: SmallJob, refused: Refused) -> No
 
 def test_an_aperture_inside_out(small_job: SmallJob, refused: Refused) -> None:
     assert "is empty" in refused(_plan(small_job, "--clear-aperture", "5,-5,-3,3"), BAD_INPUT)
-    assert "four numbers" in refused(_plan(small_job, "--clear-aperture", "5,-5"), BAD_INPUT)
+    assert "is none of X0,X1,Y0,Y1" in refused(_plan(small_job, "--clear-aperture", "5,-5"), BAD_INPUT)
 
 
 def test_a_map_without_any_valid_pixel(small_job: SmallJob, refused: Refused) -> None:

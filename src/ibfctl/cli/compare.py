@@ -13,7 +13,7 @@ from ibfctl.cli.progress import progress
 from ibfctl.cli.words import comparison_lines
 
 if TYPE_CHECKING:
-    from ibfctl.surface.map import Rectangle
+    from ibfctl.surface.regions import Region
 
 _KINDS = ("raster", "maze")
 
@@ -47,7 +47,7 @@ def command(
     seed: int,
     pitch_mm: float,
     step_mm: float,
-    clear_aperture: Rectangle | None,
+    clear_aperture: Region | None,
     remove: str,
     corridor_mm: float | None,
     jerk_max_mm_s3: float | None,

@@ -4,32 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ibfctl.cli.regions import region
 from ibfctl.files import state_folder
 from ibfctl.machine.shipped import machine_file
 
-if TYPE_CHECKING:
-    from ibfctl.surface.map import Rectangle
-
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-
-
-def corners(ctx: click.Context, param: click.Parameter, value: str | None) -> Rectangle | None:
-    """Make a rectangle from the text X0,X1,Y0,Y1."""
-    if value is None:
-        return None
-    try:
-        x0, x1, y0, y1 = (float(part) for part in value.split(","))
-    except ValueError as error:
-        raise click.BadParameter(f"{value!r} is not four numbers X0,X1,Y0,Y1 in mm.", ctx, param) from error
-    if not (x0 < x1 and y0 < y1):
-        raise click.BadParameter(f"{value!r} is empty: X0 must be less than X1, Y0 less than Y1.", ctx, param)
-    from ibfctl.surface.map import Rectangle
-
-    return Rectangle(x0, x1, y0, y1)
 
 
 def _machine_path(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
@@ -77,9 +60,10 @@ covering_options = _together(
     click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm."),
     click.option(
         "--clear-aperture",
-        metavar="X0,X1,Y0,Y1",
-        callback=corners,
-        help="Where the residual counts, mm; default: the whole map.",
+        metavar="REGION",
+        callback=region,
+        help="Where the residual counts: X0,X1,Y0,Y1, circle:X,Y,R, polygon:X,Y,X,Y,... in mm, polygon:FILE or "
+        "mask:FILE; default: the whole map.",
     ),
     click.option(
         "--remove",

@@ -14,7 +14,7 @@ from ibfctl.cli.words import plan_lines, trade_off_table
 
 if TYPE_CHECKING:
     from ibfctl.planning.plan import Plan
-    from ibfctl.surface.map import Rectangle
+    from ibfctl.surface.regions import Region
 
 _MADE_PATHS = ("raster", "maze")
 _POSITIVE = click.FloatRange(min=0, min_open=True)
@@ -71,7 +71,7 @@ def command(
     pitch_mm: float,
     step_mm: float,
     scan_axis: str,
-    clear_aperture: Rectangle | None,
+    clear_aperture: Region | None,
     remove: str,
     dwell_min_s: float | None,
     corridor_mm: float | None,

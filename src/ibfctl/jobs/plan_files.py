@@ -15,6 +15,7 @@ from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.planner import make_plan, schedule_nodes
 from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX
+from ibfctl.surface.regions import MaskFile
 
 Report = Callable[[str, float], None]
 
@@ -44,6 +45,8 @@ def plan_files(
     }
     if isinstance(options.path, Path):
         inputs["path"] = hashed(options.path)
+    if isinstance(options.clear_aperture, MaskFile):
+        inputs["mask"] = hashed(options.clear_aperture.path)
     plan = make_plan(
         surface_map,
         tool,

@@ -10,29 +10,21 @@ from scipy.spatial import cKDTree
 from ibfctl.errors import InputError
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import Rectangle, SurfaceMap
+from ibfctl.surface.regions import Region, pixels_in
 
 
-def clear_aperture_mask(surface: SurfaceMap, rectangle: Rectangle | None) -> NDArray[np.bool_]:
+def clear_aperture_mask(surface: SurfaceMap, region: Region | None) -> NDArray[np.bool_]:
     """Pixels (ny, nx) of the clear aperture that hold data.
 
     Raises
     ------
     InputError
-        If the rectangle is no rectangle or holds no data.
+        If the region is none or holds no data.
     """
     valid = np.isfinite(surface.height_nm)
-    if rectangle is None:
+    if region is None:
         return valid
-    r = rectangle
-    if not (np.isfinite([r.x0_mm, r.x1_mm, r.y0_mm, r.y1_mm]).all() and r.x0_mm < r.x1_mm and r.y0_mm < r.y1_mm):
-        raise InputError(
-            f"clear aperture: x {r.x0_mm:g} to {r.x1_mm:g}, y {r.y0_mm:g} to {r.y1_mm:g} mm is empty",
-            "give --clear-aperture X0,X1,Y0,Y1 with X0 < X1 and Y0 < Y1",
-        )
-    slack = 1e-9 * surface.pixel_mm
-    inside_x = (surface.x_mm >= r.x0_mm - slack) & (surface.x_mm <= r.x1_mm + slack)
-    inside_y = (surface.y_mm >= r.y0_mm - slack) & (surface.y_mm <= r.y1_mm + slack)
-    mask = valid & inside_y[:, None] & inside_x[None, :]
+    mask = valid & pixels_in(region, surface)
     if not mask.any():
         e = surface.extent_mm
         raise InputError(

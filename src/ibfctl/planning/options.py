@@ -8,7 +8,7 @@ from typing import Literal
 
 from ibfctl.dwell.trade_off import Aim
 from ibfctl.surface.levelling import Removed
-from ibfctl.surface.map import Rectangle
+from ibfctl.surface.regions import Region
 
 __all__ = ["Aim", "PlanOptions", "Removed"]
 
@@ -53,7 +53,7 @@ class PlanOptions:
     step_mm: float = 0.5
     scan_axis: Literal["x", "y"] = "x"
     seed: int = 0
-    clear_aperture: Rectangle | None = None
+    clear_aperture: Region | None = None
     remove: Removed = "tilt"
     dwell_min_s: float | None = None
     corridor_mm: float | None = None

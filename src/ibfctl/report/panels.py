@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import patches
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle as Outline
 from numpy.typing import NDArray
 
 from ibfctl.files import atomic_path
 from ibfctl.surface.map import Rectangle
+from ibfctl.surface.regions import Circle, Polygon, Region
 
 FloatArray = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ def signed_scale(*values: FloatArray, percentile: float = 99.5) -> tuple[float, 
     return -top, top
 
 
-def draw_panels(path: Path, panels: Sequence[Panel], aperture: Rectangle | None) -> None:
+def draw_panels(path: Path, panels: Sequence[Panel], aperture: Region | None) -> None:
     """Write stacked panels as a PNG; the clear aperture is outlined."""
     widest = max(panel.extent.x1_mm - panel.extent.x0_mm for panel in panels)
     heights = [
@@ -83,7 +84,7 @@ def draw_panels(path: Path, panels: Sequence[Panel], aperture: Rectangle | None)
     save(figure, path)
 
 
-def draw_panel(figure: Figure, axis: Any, panel: Panel, aperture: Rectangle | None) -> None:
+def draw_panel(figure: Figure, axis: Any, panel: Panel, aperture: Region | None) -> None:
     """Draw one image with its colour bar into a pair of axes."""
     edges = panel.extent
     axis.set_facecolor(_NO_DATA)
@@ -97,22 +98,26 @@ def draw_panel(figure: Figure, axis: Any, panel: Panel, aperture: Rectangle | No
         interpolation="nearest",
         aspect="equal",
     )
-    if aperture is not None:
-        axis.add_patch(
-            Outline(
-                (aperture.x0_mm, aperture.y0_mm),
-                aperture.x1_mm - aperture.x0_mm,
-                aperture.y1_mm - aperture.y0_mm,
-                fill=False,
-                edgecolor="0.15",
-                linewidth=0.9,
-                linestyle=(0, (5, 3)),
-            )
-        )
+    outline = _outline(aperture)
+    if outline is not None:
+        axis.add_patch(outline)
     axis.set_title(panel.title, loc="left", fontsize=10.5)
     axis.set_ylabel("y / mm")
     bar = figure.colorbar(image, ax=axis, pad=0.015, fraction=0.03, aspect=12, extend=_extend(panel))
     bar.set_label(panel.label)
+
+
+def _outline(region: Region | None) -> patches.Patch | None:
+    """Outline of a region; a mask shows itself by what is not drawn outside it."""
+    style: dict[str, Any] = {"fill": False, "edgecolor": "0.15", "linewidth": 0.9, "linestyle": (0, (5, 3))}
+    match region:
+        case Rectangle(x0_mm, x1_mm, y0_mm, y1_mm):
+            return patches.Rectangle((x0_mm, y0_mm), x1_mm - x0_mm, y1_mm - y0_mm, **style)
+        case Circle(x_mm, y_mm, radius_mm):
+            return patches.Circle((x_mm, y_mm), radius_mm, **style)
+        case Polygon(points_mm):
+            return patches.Polygon(points_mm, **style)
+    return None
 
 
 def new_figure(height_in: float) -> Figure:

@@ -68,12 +68,10 @@ def plan(arguments: Arguments) -> Arguments:
     """Plan a job and write the plan; return its summary."""
     from ibfctl.jobs.plan_files import plan_files
     from ibfctl.planning.options import Aim, PlanOptions
-    from ibfctl.surface.map import Rectangle
 
     os.nice(_NICENESS)
     options = dict(arguments["options"])
-    if options.get("clear_aperture") is not None:
-        options["clear_aperture"] = Rectangle(*options["clear_aperture"])
+    options["clear_aperture"] = _region(options["clear_aperture"])
     options["aim"] = Aim(**options["aim"])
     made = plan_files(
         MapFile(**arguments["map"]),
@@ -85,6 +83,21 @@ def plan(arguments: Arguments) -> Arguments:
         cancelled=_parent_is_gone(),
     )
     return made.summary()
+
+
+def _region(given: Any) -> Any:
+    """Make a region from x0, x1, y0, y1, from {"circle": [x, y, radius]} or from {"polygon": [[x, y], ...]}."""
+    from ibfctl.surface.map import Rectangle
+    from ibfctl.surface.regions import Circle, Polygon
+
+    match given:
+        case {"circle": circle}:
+            return Circle(*circle)
+        case {"polygon": points_mm}:
+            return Polygon(tuple((x_mm, y_mm) for x_mm, y_mm in points_mm))
+        case None:
+            return None
+    return Rectangle(*given)
 
 
 def record_run(arguments: Arguments) -> Arguments:

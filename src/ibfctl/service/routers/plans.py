@@ -34,6 +34,22 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
+class CircularAperture(BaseModel):
+    """A circle on the part."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    circle: Annotated[tuple[Finite, Finite, Positive], Field(description="x, y and radius.")]
+
+
+class PolygonalAperture(BaseModel):
+    """A polygon on the part."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    polygon: Annotated[list[tuple[Finite, Finite]], Field(min_length=3, max_length=10_000, description="Corners x, y.")]
+
+
 class PlanRequest(BaseModel):
     """What to plan; options as those of `ibfctl plan`."""
 
@@ -47,8 +63,8 @@ class PlanRequest(BaseModel):
     step_mm: Positive = 0.5
     scan_axis: Literal["x", "y"] = "x"
     clear_aperture_mm: Annotated[
-        tuple[Finite, Finite, Finite, Finite] | None,
-        Field(description="x0, x1, y0, y1; default: the whole map."),
+        tuple[Finite, Finite, Finite, Finite] | CircularAperture | PolygonalAperture | None,
+        Field(description="x0, x1, y0, y1, or a circle or a polygon; default: the whole map."),
     ] = None
     remove: Literal["none", "piston", "tilt"] = "tilt"
     dwell_min_s: Positive | None = None
@@ -151,7 +167,7 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
         "machine": str(service.settings.machine),
         "options": {
             **options,
-            "clear_aperture": request.clear_aperture_mm,
+            "clear_aperture": request.model_dump(include={"clear_aperture_mm"})["clear_aperture_mm"],
             "aim": request.model_dump(include=aim, exclude_none=True),
         },
     }
