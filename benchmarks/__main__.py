@@ -20,7 +20,9 @@ def main() -> int:
     run = verbs.add_parser("run", help="run one benchmark")
     run.add_argument("name", choices=harness.names(), metavar="NAME")
     run.add_argument("--json", action="store_true", help="print one JSON object")
-    verbs.add_parser("all", help="run every benchmark in its own process, write benchmarks/out/ and the report")
+    verbs.add_parser(
+        "all", help="run every benchmark in its own process, write benchmarks/out/ and the report"
+    )
     verbs.add_parser("report", help="write the table of docs/results.md from benchmarks/out/")
     arguments = parser.parse_args()
     if arguments.verb == "list":

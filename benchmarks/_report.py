@@ -39,7 +39,9 @@ def table(results: list[dict[str, Any]]) -> str:
         for metric, value in result["metrics"].items():
             target = result["targets"].get(metric, {})
             verdict = "" if not target else "reached" if meets(value, target) else "**missed**"
-            lines.append(f"| `{result['name']}` | `{metric}` | {_number(value)} | {_bounds(target)} | {verdict} |")
+            lines.append(
+                f"| `{result['name']}` | `{metric}` | {_number(value)} | {_bounds(target)} | {verdict} |"
+            )
     machines = sorted({_machine(result["machine"]) for result in results})
     return "\n".join([*lines, "", *(f"Measured on: {machine}." for machine in machines), ""])
 

@@ -113,7 +113,9 @@ def dense_matrix(problem: DwellProblem) -> FloatArray:
     return np.stack([problem.misfit.of(problem.operator(unit)) for unit in np.eye(problem.operator.steps)], axis=1)
 
 
-def objective(matrix: FloatArray, target: FloatArray, penalty: Penalty, time_s: FloatArray) -> float:
+def objective(
+    matrix: FloatArray, target: FloatArray, penalty: Penalty, time_s: FloatArray
+) -> float:
     """Value of the objective, written out."""
     residual, change = target - matrix @ time_s, penalty.changes @ time_s
     return float(

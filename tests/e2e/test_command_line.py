@@ -92,7 +92,9 @@ def test_timed_nodes_are_scheduled_and_simulated_without_a_map(
     assert figures["segments_executed"] == 4
 
 
-def test_a_maze_and_a_limit_on_time_may_be_asked_for(small_job: SmallJob, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_maze_and_a_limit_on_time_may_be_asked_for(
+    small_job: SmallJob, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = small_job.folder / "plan.h5"
     free = _json(capsys, small_job.plan_arguments(path, "--path", "maze", "--seed", "3"))
     assert free["certificate"]["passed"] is True

@@ -52,7 +52,9 @@ def test_convolution(case):
     forward, backward = convolution(time_s), convolution.adjoint(values)
     assert forward.shape == values.shape
     assert backward.shape == time_s.shape
-    assert same(float((forward * values).sum()), float((time_s * backward).sum()), influence.rate_nm_s, time_s, values)
+    assert same(
+        float((forward * values).sum()), float((time_s * backward).sum()), influence.rate_nm_s, time_s, values
+    )
 
 
 @settings(max_examples=60)

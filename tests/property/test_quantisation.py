@@ -15,7 +15,9 @@ from ibfctl.schedule.scheduler import shortest_times
 from tests.property.timed_paths import PERIODS_S, Job, jobs, make_machine
 
 TIMES_S = st.lists(
-    st.one_of(st.just(0.0), st.floats(0.0, 1e-6), st.floats(1e-4, 1e-2), st.floats(0.01, 5.0), st.floats(100.0, 1e5)),
+    st.one_of(
+        st.just(0.0), st.floats(0.0, 1e-6), st.floats(1e-4, 1e-2), st.floats(0.01, 5.0), st.floats(100.0, 1e5)
+    ),
     min_size=1,
     max_size=60,
 )

@@ -33,7 +33,9 @@ def exact_positions(segments: list[Segment], start: int) -> list[Fraction]:
     return positions
 
 
-@given(segments=SEGMENTS, start=st.integers(-1_000_000, 1_000_000), cuts=st.lists(st.integers(1, 500), max_size=20))
+@given(
+    segments=SEGMENTS, start=st.integers(-1_000_000, 1_000_000), cuts=st.lists(st.integers(1, 500), max_size=20)
+)
 @settings(deadline=None)
 def test_every_sample_is_within_half_a_count_of_the_analytic_cubic(segments, start, cuts):
     buffer = PvtBuffer(255)

@@ -28,7 +28,9 @@ JP JS EN RE RI ZS IF EL II WT AT AM MC AI AP AD DM DA LV LA TC ID
 WORDS = """
 A B AB X C = ? , -1 0 1 2 100 2048 1e3 #A ( ) _PVA _BTB TIME @OUT[1] @IN[99] _XQ0 a[0] x " { {Z10.0} $FF
 """.split()  # noqa: SIM905
-PIECES = st.one_of(st.sampled_from([*WORDS, " "]), st.integers(-(2**40), 2**40).map(str), st.text(max_size=4))
+PIECES = st.one_of(
+    st.sampled_from([*WORDS, " "]), st.integers(-(2**40), 2**40).map(str), st.text(max_size=4)
+)
 COMMANDS = st.builds(
     lambda opcode, pieces: (opcode + "".join(pieces))[:80], st.sampled_from(OPCODES), st.lists(PIECES, max_size=8)
 )

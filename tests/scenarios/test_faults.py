@@ -33,7 +33,9 @@ def a_run_with(fault: Fault) -> Iterator[tuple[FakeGalil, Callable[[], RunOutcom
         with connected(bench) as controller:
             yield (
                 galil,
-                lambda: execute(program(SEGMENTS, 2048), bench, controller, time_scale=SCALE, poll_interval_s=0.002),
+                lambda: execute(
+                    program(SEGMENTS, 2048), bench, controller, time_scale=SCALE, poll_interval_s=0.002
+                ),
             )
 
 

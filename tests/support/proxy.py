@@ -105,7 +105,9 @@ class Proxy:
         with contextlib.suppress(OSError):
             server.shutdown(socket.SHUT_RDWR)
 
-    def _collect_replies(self, server: socket.socket, replies: queue.SimpleQueue[tuple[float, bytes]]) -> None:
+    def _collect_replies(
+        self, server: socket.socket, replies: queue.SimpleQueue[tuple[float, bytes]]
+    ) -> None:
         with contextlib.suppress(OSError):
             while data := server.recv(65536):
                 replies.put((time.monotonic() + self.latency_s, data))

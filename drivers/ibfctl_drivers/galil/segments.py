@@ -175,7 +175,9 @@ def _refuse_beyond(values: IntArray, largest: int, first: int, what: str, unit: 
     _refuse_where(np.abs(values) > largest, values, first, what, unit, f"up to {largest}")
 
 
-def _refuse_where(bad: NDArray[np.bool_], values: IntArray, first: int, what: str, unit: str, allowed: str) -> None:
+def _refuse_where(
+    bad: NDArray[np.bool_], values: IntArray, first: int, what: str, unit: str, allowed: str
+) -> None:
     if bad.any():
         place = int(np.argmax(bad))
         raise LimitsError(

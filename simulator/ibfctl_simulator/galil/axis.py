@@ -292,3 +292,5 @@ class Axis:
             self.stop(UNDERRUN, at_once=self.settings.underrun_deceleration == "instant")
         else:
             self.finish(profile.end_code)
+
+

@@ -172,7 +172,9 @@ COMMANDS: dict[str, ControlCommand] = {
         {"seconds": _seconds, "handle": _handle},
         _EVERY,
     ),
-    "split": ControlCommand(lambda emulator, handle: emulator.faults.split(handle), {"handle": _handle}, _EVERY),
+    "split": ControlCommand(
+        lambda emulator, handle: emulator.faults.split(handle), {"handle": _handle}, _EVERY
+    ),
     **{
         kind: ControlCommand(
             lambda emulator, handle, replies, kind=kind: emulator.faults.damage(handle, kind, replies),

@@ -135,7 +135,9 @@ class Interpreter:
             for axis in self._state.axes:
                 axis.forget()
         return call.handler(
-            Request(self._state, self._handles, self._engine, self._pusher, self._values, handle, thread, call.text)
+            Request(
+                self._state, self._handles, self._engine, self._pusher, self._values, handle, thread, call.text
+            )
         )
 
     def _parse(self, command: str) -> _Call:

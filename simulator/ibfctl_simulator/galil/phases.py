@@ -45,7 +45,9 @@ def move_phases(
     return [(duration, direction * rate) for duration, rate in phases if duration > 0.0]
 
 
-def jog_phases(velocity: float, target: float, acceleration: float, deceleration: float) -> list[tuple[float, float]]:
+def jog_phases(
+    velocity: float, target: float, acceleration: float, deceleration: float
+) -> list[tuple[float, float]]:
     """Phases from `velocity` to the jog velocity `target` (counts/s), held for ever after."""
     phases: list[tuple[float, float]] = []
     if velocity * target < 0.0:

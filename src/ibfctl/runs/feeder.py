@@ -147,7 +147,9 @@ class Feeder:
         if self._end_sent and asked_at > self.ledger.latest_end_at + END_GRACE_S:
             raise RunError("the motion did not end when it should have", "check TM and the controller's load")
         if behind_s > STALL_S + CLOCK_DRIFT * self._program.total_time_s / self._time_scale:
-            raise RunError(f"controller lags {behind_s:.1f} s behind the program", "check TM and the controller's load")
+            raise RunError(
+                f"controller lags {behind_s:.1f} s behind the program", "check TM and the controller's load"
+            )
 
     def _expect(self) -> None:
         """Tell the sentinel until when all is well without another word from here."""

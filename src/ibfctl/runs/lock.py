@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import Self
 
 from ibfctl.errors import RunError
+from ibfctl.files import state_folder
 from ibfctl.machine.description import Connection, MachineDescription
-from ibfctl.runs.places import state_folder
 
 _LONGEST_OWNER = 512
 _TRIES, _TRY_S = 5, 0.01

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 JOB, PLAN, MACHINE = "job.json", "plan.h5", "machine.toml"
 CONTROL, LOCK, STATUS, LOG = "control", "worker.lock", "status.json", "worker.log"
 RUN, SIDE = "run.h5", "journal.side.jsonl"
-
-
-def state_folder() -> Path:
-    """Return the product's folder in the user's state directory."""
-    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "ibfctl"
 
 
 def run_folder(data: Path, run: str) -> Path:

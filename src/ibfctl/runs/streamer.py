@@ -192,7 +192,8 @@ class _Run:
             executed = executed_segments[letter] - 1
             if axis.moving or axis.stop_code != self._program.COMPLETE_CODE or executed != len(self._program):
                 raise RunError(
-                    f"axis {letter} executed {executed} of {len(self._program)} segments, stop code {axis.stop_code}",
+                    f"axis {letter} executed {executed} of {len(self._program)} segments, "
+                    f"stop code {axis.stop_code}",
                     "measure the part before planning what is left",
                 )
             if abs(errors[letter]) > self._tolerance_counts:

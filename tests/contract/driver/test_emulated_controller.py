@@ -67,7 +67,9 @@ def test_the_trace_shows_the_cubics_with_the_gate_open(trace_file: Path) -> None
     assert_executed_with_the_gate_open(job, read_emulator_trace(trace_file, bench))
 
 
-def test_an_abort_closes_the_gate_and_stops_at_once(bench: MachineDescription, controller: MotionController) -> None:
+def test_an_abort_closes_the_gate_and_stops_at_once(
+    bench: MachineDescription, controller: MotionController
+) -> None:
     abort = threading.Event()
 
     def abort_on_the_way(progress: object) -> None:
@@ -82,7 +84,9 @@ def test_an_abort_closes_the_gate_and_stops_at_once(bench: MachineDescription, c
 def test_a_second_run_follows_an_aborted_one(bench: MachineDescription, controller: MotionController) -> None:
     abort = threading.Event()
     with pytest.raises(AbortedError):
-        execute(program(400), bench, controller, time_scale=SPEED, abort=abort, on_progress=lambda _: abort.set())
+        execute(
+            program(400), bench, controller, time_scale=SPEED, abort=abort, on_progress=lambda _: abort.set()
+        )
     assert execute(program(20), bench, controller, time_scale=SPEED).segments_executed == 20
 
 

@@ -25,7 +25,9 @@ def small_plan() -> PvtProgram:
 
 def transcript(log: list[tuple[int, str]]) -> str:
     lines = [f"{HANDLES[handle]:6} {command.encode('unicode_escape').decode()}" for handle, command in log]
-    return "".join(f"{line}\n" if len(list(same)) == 1 else f"{line}  (repeated)\n" for line, same in groupby(lines))
+    return "".join(
+        f"{line}\n" if len(list(same)) == 1 else f"{line}  (repeated)\n" for line, same in groupby(lines)
+    )
 
 
 def test_the_bytes_of_a_small_plan() -> None:

@@ -21,7 +21,10 @@ QUICK = {(0.005, 2.0)}
 
 conditions = pytest.mark.parametrize(
     ("latency_s", "speed"),
-    [pytest.param(*pair, marks=() if pair in QUICK else pytest.mark.slow) for pair in product(LATENCIES_S, SPEEDS)],
+    [
+        pytest.param(*pair, marks=() if pair in QUICK else pytest.mark.slow)
+        for pair in product(LATENCIES_S, SPEEDS)
+    ],
 )
 
 

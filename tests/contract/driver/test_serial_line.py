@@ -43,7 +43,9 @@ def test_a_run_over_a_line_that_echoes_at_first(galil: FakeGalil, bench: Machine
     assert {handle for handle, _ in galil.log} == {0}
 
 
-def test_an_abort_breaks_into_the_line_and_closes_the_gate_first(galil: FakeGalil, bench: MachineDescription) -> None:
+def test_an_abort_breaks_into_the_line_and_closes_the_gate_first(
+    galil: FakeGalil, bench: MachineDescription
+) -> None:
     abort = threading.Event()
     with connected(bench) as controller, pytest.raises(AbortedError):
         execute(

@@ -74,7 +74,9 @@ def test_a_port_in_use_is_one_line_and_exit_code_2():
     ],
 )
 def test_bad_options_exit_with_2_and_no_traceback(options):
-    done = subprocess.run([*COMMAND, "--port", "0", *options], capture_output=True, text=True, timeout=20, check=False)
+    done = subprocess.run(
+        [*COMMAND, "--port", "0", *options], capture_output=True, text=True, timeout=20, check=False
+    )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert done.stderr.splitlines()[-1].count(":") >= 1

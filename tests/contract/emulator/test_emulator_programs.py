@@ -19,7 +19,7 @@ def test_a_download_may_arrive_byte_by_byte(client):
 
 
 def test_lines_come_back_byte_for_byte(client):
-    lines = ["#AUTO", '  MG "a b" \' note', "", "IF (x=1);ELSE;ENDIF", "EN"]
+    lines = ["#AUTO", "  MG \"a b\" ' note", "", "IF (x=1);ELSE;ENDIF", "EN"]
     client.ask("DL\r" + "".join(f"{line}\r" for line in lines) + "\\", 2)
     client.socket.sendall(b"UL\r")
     assert client.read() == "".join(f"{line}\r\n" for line in lines) + "\x1a:"

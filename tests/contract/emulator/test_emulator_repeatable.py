@@ -48,7 +48,9 @@ def _send(client, lines, sent, segments):
 
 @pytest.mark.parametrize("servo", [ServoModel(), ServoModel(kind="second_order", encoder_noise_counts=1.5)])
 def test_two_runs_leave_the_same_bytes(tmp_path, make_client, servo):
-    first, second = (stream(tmp_path / f"{name}.h5", make_client, servo, 600, 20, 1500) for name in ("first", "second"))
+    first, second = (
+        stream(tmp_path / f"{name}.h5", make_client, servo, 600, 20, 1500) for name in ("first", "second")
+    )
     assert len(first) > 20_000
     assert first == second
 

@@ -118,10 +118,9 @@ def test_motion_goes_on_when_the_client_is_gone(server, connect):
 
 
 def test_scaled_time_runs_at_its_speed():
-    with (
-        EmulatorServer(Controller(), ScaledClock(1000.0)) as server,
-        socket.create_connection(("127.0.0.1", server.port), timeout=5) as client,
-    ):
+    with EmulatorServer(Controller(), ScaledClock(1000.0)) as server, socket.create_connection(
+        ("127.0.0.1", server.port), timeout=5
+    ) as client:
         samples = 0.0
         while samples < 1024:
             client.sendall(b"MG TIME\r")

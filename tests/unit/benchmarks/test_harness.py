@@ -64,7 +64,9 @@ def test_the_list_names_every_benchmark() -> None:
     assert [line.split()[0] for line in listing.splitlines()] == _harness.names()
 
 
-def test_the_report_replaces_what_stands_between_the_markers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_report_replaces_what_stands_between_the_markers(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(_report, "OUT", tmp_path / "out")
     monkeypatch.setattr(_report, "RESULTS", tmp_path / "results.md")
     _report.RESULTS.write_text(f"before\n{_report.BEGIN}\nold\n{_report.END}\nafter\n", encoding="utf-8")
@@ -73,7 +75,9 @@ def test_the_report_replaces_what_stands_between_the_markers(monkeypatch: pytest
         {"name": "a", "metrics": {"t_s": 0.12345, "n": 7}, "targets": {"t_s": {"max": 0.1}}, "passed": False}
         | {"machine": machine}
     )
-    _report.store({"name": "b", "metrics": {}, "targets": {}, "passed": None, "machine": machine, "absent": "no data"})
+    _report.store(
+        {"name": "b", "metrics": {}, "targets": {}, "passed": None, "machine": machine, "absent": "no data"}
+    )
     _report.write_report()
     text = _report.RESULTS.read_text(encoding="utf-8")
     assert text.startswith("before\n")

@@ -41,7 +41,9 @@ def test_numbers_come_apart_at_blanks_and_commas(text: str) -> None:
     assert codec.parse_integers(text, 2, "TP") == [1, -2]
 
 
-@pytest.mark.parametrize("text", ["", "1", "1 2 3", "1 x", "1 2.5", "1 nan", "1 1e3", "1 0x2", "1 --2", "1 ٢"])
+@pytest.mark.parametrize(
+    "text", ["", "1", "1 2 3", "1 x", "1 2.5", "1 nan", "1 1e3", "1 0x2", "1 --2", "1 ٢"]
+)
 def test_what_is_not_the_right_count_of_numbers_is_refused(text: str) -> None:
     with pytest.raises(ControllerError, match="numbers belong"):
         codec.parse_integers(text, 2, "TP")

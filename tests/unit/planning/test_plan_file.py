@@ -91,7 +91,9 @@ def test_the_promised_names_alone_are_enough_to_rebuild_the_motion(hand_made_pla
             node_mm = start_mm + np.concatenate([[0.0], np.cumsum(move_mm)])
             u = 0.3
             rebuilt_mm = (
-                node_mm[:-1] + (3 * u**2 - 2 * u**3) * move_mm + h * ((u**3 - 2 * u**2 + u) * v0 + (u**3 - u**2) * v1)
+                node_mm[:-1]
+                + (3 * u**2 - 2 * u**3) * move_mm
+                + h * ((u**3 - 2 * u**2 + u) * v0 + (u**3 - u**2) * v1)
             )
             cubics = axis_cubics(program, axis)
             np.testing.assert_allclose(

@@ -42,7 +42,9 @@ def test_a_program_that_leaves_the_travel_is_refused(start_counts: int) -> None:
 
 def test_a_bulge_between_nodes_counts_as_motion() -> None:
     job = program(2, time_samples=2048, start_counts=(99_990, 0))
-    bulging = with_axis(job, "A", increment_counts=np.array([0, 0]), end_velocity_counts_s=np.array([-400, 0]))
+    bulging = with_axis(
+        job, "A", increment_counts=np.array([0, 0]), end_velocity_counts_s=np.array([-400, 0])
+    )
     with pytest.raises(LimitsError, match="axis A"):
         check_program(bulging, machine())
 

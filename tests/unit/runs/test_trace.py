@@ -45,7 +45,9 @@ def test_positions_go_by_axis_letter(tmp_path: Path) -> None:
         (3, "set", [False, False, False]),
     ],
 )
-def test_the_gate_is_one_output_in_its_sense(tmp_path: Path, output: int, open_when: str, is_open: list[bool]) -> None:
+def test_the_gate_is_one_output_in_its_sense(
+    tmp_path: Path, output: int, open_when: str, is_open: list[bool]
+) -> None:
     write(tmp_path / "trace.h5")
     trace = read_emulator_trace(tmp_path / "trace.h5", machine_with_gate(output, open_when))
     assert trace.gate_open.tolist() == is_open

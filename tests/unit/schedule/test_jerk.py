@@ -60,7 +60,9 @@ def test_a_looser_limit_than_the_free_schedule_changes_nothing() -> None:
     free = schedule(path, dwell_s, make_machine(), CORRIDOR_MM)
     bound = schedule(path, dwell_s, make_machine(), CORRIDOR_MM, jerk_max_mm_s3=1.01 * peak_jerk(free))
     for letter, axis in free.program.axes.items():
-        np.testing.assert_array_equal(axis.end_velocity_counts_s, bound.program.axes[letter].end_velocity_counts_s)
+        np.testing.assert_array_equal(
+            axis.end_velocity_counts_s, bound.program.axes[letter].end_velocity_counts_s
+        )
 
 
 def test_a_limit_just_below_the_free_schedule_is_met_in_the_same_time() -> None:

@@ -220,7 +220,9 @@ def limited():
 
 
 def test_auto_runs_at_power_up_and_limswi_interrupts_it(limited):
-    controller = limited("#AUTO", "SB 1;JGA=10000;BGA", "#L;WT 100;JP#L", "#LIMSWI", "CB 1;f=_SCA;RE")
+    controller = limited(
+        "#AUTO", "SB 1;JGA=10000;BGA", "#L;WT 100;JP#L", "#LIMSWI", "CB 1;f=_SCA;RE"
+    )
     controller.advance(10)
     assert controller.state.output(1) == 1
     controller.advance(200)
@@ -265,14 +267,18 @@ def test_inint_only_for_watched_inputs_and_once_per_edge(console):
 
 
 def test_cmderr_sees_code_and_line_and_returns_behind_the_error(console):
-    console.controller.engine.load(Program(["#A;WT 1", "SPA=-1;x=7", "EN", "#CMDERR;c=_TC;l=_ED;EN"]))
+    console.controller.engine.load(
+        Program(["#A;WT 1", "SPA=-1;x=7", "EN", "#CMDERR;c=_TC;l=_ED;EN"])
+    )
     console.good("XQ")
     console.controller.advance(10)
     assert [console.number(name) for name in ("c", "l", "x", "_XQ0")] == [6, 1, 7, -1]
 
 
 def test_an_error_in_another_thread_interrupts_thread_0(console):
-    console.controller.engine.load(Program(["#A;WT 1000;JP#A", "#B;SPA=-1;EN", "#CMDERR;c=_TC;t=_ED1;EN"]))
+    console.controller.engine.load(
+        Program(["#A;WT 1000;JP#A", "#B;SPA=-1;EN", "#CMDERR;c=_TC;t=_ED1;EN"])
+    )
     console.good("XQ#A,0", "XQ#B,2")
     console.controller.advance(10)
     assert [console.number(name) for name in ("c", "t", "_XQ2", "_XQ0")] == [6, 2, -1, 0]
@@ -357,7 +363,9 @@ def test_a_trippoint_for_a_distance(run):
 
 
 def test_re_leaves_the_subroutines_that_the_interrupt_called(console):
-    console.controller.engine.load(Program(["#A;WT 1000;JP#A", "#TCPERR;JS #CLEAN", "EN", "#CLEAN;x=1;RE"]))
+    console.controller.engine.load(
+        Program(["#A;WT 1000;JP#A", "#TCPERR;JS #CLEAN", "EN", "#CLEAN;x=1;RE"])
+    )
     console.good("XQ")
     console.controller.lost("A")
     console.controller.advance(5)

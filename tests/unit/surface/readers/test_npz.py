@@ -97,7 +97,9 @@ def test_pickled_objects_are_refused_unopened(tmp_path: Path) -> None:
 
 def test_a_declared_size_beyond_the_limit_is_refused_before_it_is_allocated(tmp_path: Path) -> None:
     header = io.BytesIO()
-    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)})
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)}
+    )
     path = tmp_path / "m.npz"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("height_nm.npy", header.getvalue())
