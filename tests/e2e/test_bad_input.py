@@ -139,6 +139,11 @@ def test_two_aims_at_once(small_job: SmallJob, refused: Refused) -> None:
     assert "at least" in refused(_plan(small_job, "--max-time", "0.1"), LIMITS)
 
 
+def test_a_slowest_speed_that_the_machine_cannot_keep(small_job: SmallJob, refused: Refused) -> None:
+    assert "steps cannot be" in refused(_plan(small_job, "--v-min-mm-s", "50"), LIMITS)
+    assert "give --v-min-mm-s" in refused(_plan(small_job, "--dwell-bounds", "ramp"), BAD_INPUT)
+
+
 def test_a_demo_without_the_extra_for_pictures(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ibfctl.cli.demo.find_spec", lambda name: None)
     assert "ibfctl[plots]" in refused(["demo"], BAD_INPUT)

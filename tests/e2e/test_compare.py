@@ -28,7 +28,7 @@ def test_json_holds_every_path_and_scheduler(small_job: SmallJob, capsys: pytest
     assert set(figures["paths"]) == {"maze"}
     maze = figures["paths"]["maze"]
     assert set(maze["path"]) == {"length_mm", "shortest_step_mm", "sharpest_corner_deg", "largest_gap_mm"}
-    assert len(maze["schedulers"]) == 4
+    assert len(maze["schedulers"]) == 5
     for row in maze["schedulers"].values():
         assert set(row) == ROW_KEYS
         assert row["executed_rms_nm"] > 0

@@ -56,6 +56,19 @@ def test_the_tikhonov_factor_is_given_or_found(
     assert "trade_off" not in found
 
 
+def test_a_slowest_speed_bounds_every_time(
+    small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = small_job.plan_arguments(path, "--v-min-mm-s", "2", "--dwell-bounds", "ramp", "--no-loop")
+    figures = _json(capsys, arguments)
+    assert set(figures["dwell_bounds"]) == {"shortest_s", "longest_s", "steps_at_shortest", "steps_at_longest"}
+    plan = read_plan(path)
+    assert plan.options.dwell_bounds == "ramp"
+    assert plan.program.time_s.max() <= figures["dwell_bounds"]["longest_s"] + 1e-9 < 0.5
+    assert run(small_job.plan_arguments(path, "--v-min-mm-s", "1")) == 0
+    assert "as --v-min-mm-s allows" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("value", ["l-curves", "-1", "2", "nan"])
 def test_what_is_no_factor_is_refused(
     small_job: SmallJob, path: Path, value: str, capsys: pytest.CaptureFixture[str]

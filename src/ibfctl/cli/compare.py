@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import click
 
-from ibfctl.cli.options import covering_options, json_option, machine_option, unit_options
+from ibfctl.cli.options import bounds_options, covering_options, json_option, machine_option, unit_options
 from ibfctl.cli.output import print_json
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import comparison_lines
@@ -32,6 +32,7 @@ _KINDS = ("raster", "maze")
     help="Path to compare on, may be repeated; a raster along x and along y.",
 )
 @covering_options
+@bounds_options
 @click.option(
     "--jerk-max-mm-s3",
     type=click.FloatRange(min=0, min_open=True),
@@ -49,6 +50,9 @@ def command(
     step_mm: float,
     clear_aperture: Region | None,
     remove: str,
+    dwell_min_s: float | None,
+    v_min_mm_s: float | None,
+    dwell_bounds: str,
     corridor_mm: float | None,
     jerk_max_mm_s3: float | None,
     map_pixel_mm: float | None,
@@ -60,13 +64,13 @@ def command(
 ) -> None:
     """Compare schedulers: PVT with and without motion in the loop, constant acceleration, position mode.
 
-    All get the same dwell times on a path; what each leaves is computed from its own motion. MAP and TIF are as
-    for `ibfctl plan`. Nothing is written, and the baselines are never sent to a machine.
+    All but the classic chain get the same dwell times on a path; what each leaves is computed from its own motion.
+    MAP and TIF are as for `ibfctl plan`. Nothing is written, and the baselines are never sent to a machine.
     """
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.machine.description import read_machine
     from ibfctl.planning.comparison import compare, path_choices, summary
-    from ibfctl.planning.options import PlanOptions, Removed
+    from ibfctl.planning.options import Bounds, PlanOptions, Removed
 
     options = PlanOptions(
         seed=seed,
@@ -74,6 +78,9 @@ def command(
         step_mm=step_mm,
         clear_aperture=clear_aperture,
         remove=cast(Removed, remove),
+        dwell_min_s=dwell_min_s,
+        v_min_mm_s=v_min_mm_s,
+        dwell_bounds=cast(Bounds, dwell_bounds),
         corridor_mm=corridor_mm,
     )
     with progress() as report:

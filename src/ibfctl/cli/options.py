@@ -77,6 +77,22 @@ covering_options = _together(
     ),
 )
 
+bounds_options = _together(
+    click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own."),
+    click.option(
+        "--v-min-mm-s",
+        type=click.FloatRange(min=0, min_open=True),
+        help="Slowest mean speed over a step, mm/s: an upper bound of every dwell time.",
+    ),
+    click.option(
+        "--dwell-bounds",
+        type=click.Choice(["machine", "ramp"]),
+        default="machine",
+        show_default=True,
+        help="Shortest times of the machine, or also the bounds of linear ramps.",
+    ),
+)
+
 unit_options = _together(
     click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it."),
     click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file has none."),

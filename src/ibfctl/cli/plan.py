@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import click
 
-from ibfctl.cli.options import covering_options, json_option, machine_option, output_option, unit_options
+from ibfctl.cli.options import (
+    bounds_options,
+    covering_options,
+    json_option,
+    machine_option,
+    output_option,
+    unit_options,
+)
 from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import plan_lines, trade_off_table
@@ -47,7 +54,7 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 )
 @click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
 @covering_options
-@click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own.")
+@bounds_options
 @click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
 @click.option("--max-time", type=_POSITIVE, help="Longest run time, s: the best residual within it.")
 @click.option("--max-residual", type=_POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
@@ -74,6 +81,8 @@ def command(
     clear_aperture: Region | None,
     remove: str,
     dwell_min_s: float | None,
+    v_min_mm_s: float | None,
+    dwell_bounds: str,
     corridor_mm: float | None,
     margin: float | None,
     max_time: float | None,
@@ -99,7 +108,7 @@ def command(
     check_writable(output)
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.jobs.plan_files import plan_files
-    from ibfctl.planning.options import Aim, PlanOptions, Removed
+    from ibfctl.planning.options import Aim, Bounds, PlanOptions, Removed
 
     default = PlanOptions()
     options = PlanOptions(
@@ -111,6 +120,8 @@ def command(
         clear_aperture=clear_aperture,
         remove=cast(Removed, remove),
         dwell_min_s=dwell_min_s,
+        v_min_mm_s=v_min_mm_s,
+        dwell_bounds=cast(Bounds, dwell_bounds),
         corridor_mm=corridor_mm,
         loop=loop,
         aim=Aim(default.aim.margin if margin is None else margin, max_time, max_residual),

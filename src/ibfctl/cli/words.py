@@ -25,6 +25,7 @@ def plan_lines(figures: Mapping[str, Any]) -> Lines:
         ("run time", f"{figures['total_time_s']:.1f} s"),
         ("nodes, segments", f"{figures['nodes']}, {figures['segments']}"),
         ("path", path(figures["path"])),
+        *([("dwell times", dwell_bounds(figures))] if "dwell_bounds" in figures else []),
         ("peak velocity", per_axis(figures["peak_velocity_mm_s"], "mm/s")),
         ("peak acceleration", per_axis(figures["peak_acceleration_mm_s2"], "mm/s²")),
         ("certificate", certificate(figures["certificate"])),
@@ -115,6 +116,15 @@ def path(figures: Mapping[str, Any]) -> str:
     covered = "" if gap is None else f"largest gap {gap:.3g} mm, "
     step, corner = figures["shortest_step_mm"], figures["sharpest_corner_deg"]
     return f"{covered}shortest step {step:.3g} mm, sharpest corner {corner:.0f}°"
+
+
+def dwell_bounds(figures: Mapping[str, Any]) -> str:
+    """Say the bounds of the dwell times, and what to do where the longest ones are not long enough."""
+    bounds = figures["dwell_bounds"]
+    said = f"from {bounds['shortest_s']:.3g} s to {bounds['longest_s']:.3g} s"
+    if not bounds["steps_at_longest"]:
+        return said
+    return f"{said}; {bounds['steps_at_longest']} steps as long as --v-min-mm-s allows: a lower one leaves less"
 
 
 def residual(rms_nm: float, pv_nm: float) -> str:

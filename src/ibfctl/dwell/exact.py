@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better
 from ibfctl.dwell.compression import CompressedProblem
-from ibfctl.dwell.interior import InteriorPoint, solve_interior
+from ibfctl.dwell.interior import first_point, solve_interior
 from ibfctl.dwell.solver import Cancelled, DwellProblem, Regularisation
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +42,7 @@ def aim_exactly(
     typical_s = 3 * float(np.linalg.norm(small.target)) / float(rate.max())
     total_s = typical_s * problem.operator.steps + float(problem.lower_s.sum())
     first = _FIRST * float(small.target @ small.target) / total_s
-    warm = InteriorPoint(np.full(problem.lower_s.size, typical_s), np.full(problem.lower_s.size, first))
+    warm = first_point(problem, typical_s, first)
     points: list[TradeOffPoint] = []
 
     def at(price: float) -> TradeOffPoint:

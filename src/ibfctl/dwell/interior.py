@@ -1,8 +1,8 @@
 """Primal-dual interior point method for small jobs: the exact optimum in some twenty iterations.
 
-Minimises  1/2 |b - M t|² + 1/2 λ |t|² + 1/2 μ |D t|² + w Σ t  with  t >= lower  for a compressed problem (r directions,
-n steps). The Newton matrix is M'M plus a tridiagonal part, so a step costs r² n (Woodbury); predictor and corrector
-after Mehrotra.
+Minimises  1/2 |b - M t|² + 1/2 λ |t|² + 1/2 μ |D t|² + w Σ t  with  lower <= t <= upper  for a compressed problem
+(r directions, n steps; upper bounds may be infinite). The Newton matrix is M'M plus a tridiagonal part, so a step costs
+r² n (Woodbury); predictor and corrector after Mehrotra.
 """
 
 from __future__ import annotations
@@ -23,14 +23,30 @@ _ITERATIONS = 60
 _TO_BOUNDARY = 0.995
 # Share of the gap in the objective at which a solution is kept as a start for a neighbouring price.
 _WARM_SHARE = 0.05
+# Room between bounds that coincide: a thousandth of a sample.
+_ROOM_S = 1e-6
 
 
 @dataclass(frozen=True)
 class InteriorPoint:
-    """Distances from the bounds and their multipliers, all positive, (n,) each."""
+    """A point inside the bounds, and their multipliers, all positive.
+
+    Attributes
+    ----------
+    above_s : (n,) float64
+        Distances from the lower bounds.
+    dual : (n + k,) float64
+        Multipliers of the lower bounds, and behind them those of the k finite upper bounds.
+    """
 
     above_s: FloatArray
     dual: FloatArray
+
+
+def first_point(problem: DwellProblem, typical_s: float, dual: float) -> InteriorPoint:
+    """Make a point `typical_s` above the lower bounds where there is room, with all multipliers `dual`."""
+    room, top = _room(problem)
+    return InteriorPoint(np.minimum(typical_s, 0.5 * room), np.full(room.size + top.size, dual))
 
 
 @dataclass(frozen=True)
@@ -40,7 +56,7 @@ class InteriorSolution:
     Attributes
     ----------
     time_s : (n,) float64
-        Times above their lower bounds.
+        Times within their bounds.
     gap_share : float
         Duality gap relative to the objective: how far from the optimum at most.
     warm
@@ -68,7 +84,7 @@ def solve_interior(
     Parameters
     ----------
     problem, compressed
-        The problem (lower bounds and straight motions are taken from it) and its compressed form.
+        The problem (bounds and straight motions are taken from it) and its compressed form.
     tikhonov, smoothing
         λ and μ in nm²/s².
     price_nm2_s
@@ -80,33 +96,51 @@ def solve_interior(
     """
     rough = _roughness_bands(problem, smoothing)
     matrix, target, lower = compressed.removal, compressed.target, problem.lower_s
+    room, top = _room(problem)
+
+    def slack_of(step: FloatArray) -> FloatArray:
+        """What a change of the times (n,) changes of the distances (n + k,) from the bounds."""
+        return np.concatenate([step, -step[top]])
+
+    def folded(values: FloatArray, sign: float) -> FloatArray:
+        """Values of the lower bounds (n,) plus `sign` times those of the upper ones."""
+        result = values[: lower.size].copy()
+        result[top] += sign * values[lower.size :]
+        return result
+
     above, dual, warm = start.above_s, start.dual, start
     share = np.inf
     for _ in range(_ITERATIONS):
         if cancelled():
             raise CancelledError("planning was cancelled", "start it again when wanted")
-        time_s = lower + above
+        time_s, slack = lower + above, np.concatenate([above, room[top] - above[top]])
         residual = matrix @ time_s - target
         smooth = tikhonov * time_s + smoothing * problem.roughness(time_s)
-        gap = float(above @ dual)
+        gap = float(slack @ dual)
         share = gap / (0.5 * float(residual @ residual + time_s @ smooth) + price_nm2_s * float(time_s.sum()))
-        slope = residual @ matrix + smooth + price_nm2_s - dual
+        slope = residual @ matrix + smooth + price_nm2_s
         if share > _WARM_SHARE:
             warm = InteriorPoint(above, dual)
-        if share < tolerance and np.abs(slope).max() < 1e-3 * price_nm2_s:
+        if share < tolerance and np.abs(slope - folded(dual, -1.0)).max() < 1e-3 * price_nm2_s:
             break
-        newton = _Newton(matrix, rough, tikhonov + dual / above)
-        step = newton(-slope - dual)
-        dual_step = -dual - dual / above * step
-        reach = min(1.0, _reach(above, step), _reach(dual, dual_step))
-        ahead = float((above + reach * step) @ (dual + reach * dual_step))
-        centre = (ahead / gap) ** 3 * gap / above.size
-        correction = (centre - step * dual_step) / above
-        step = newton(-slope - dual + correction)
-        dual_step = -dual - dual / above * step + correction
-        reach = min(1.0, _TO_BOUNDARY * min(_reach(above, step), _reach(dual, dual_step)))
-        above, dual = above + reach * step, dual + reach * dual_step
-    return InteriorSolution(lower + above, share, warm)
+        newton = _Newton(matrix, rough, tikhonov + folded(dual / slack, 1.0))
+        step = slack_of(newton(-slope))
+        dual_step = -dual - dual / slack * step
+        reach = min(1.0, _reach(slack, step), _reach(dual, dual_step))
+        ahead = float((slack + reach * step) @ (dual + reach * dual_step))
+        centre = (ahead / gap) ** 3 * gap / slack.size
+        correction = (centre - step * dual_step) / slack
+        step = slack_of(newton(folded(correction, -1.0) - slope))
+        dual_step = -dual - dual / slack * step + correction
+        reach = min(1.0, _TO_BOUNDARY * min(_reach(slack, step), _reach(dual, dual_step)))
+        above, dual = above + reach * step[: lower.size], dual + reach * dual_step
+    return InteriorSolution(np.clip(lower + above, lower, problem.upper_s), share, warm)
+
+
+def _room(problem: DwellProblem) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Room between the bounds (n,), and the k steps where it is finite."""
+    room = np.maximum(problem.upper_s - problem.lower_s, _ROOM_S)
+    return room, np.flatnonzero(np.isfinite(room))
 
 
 class _Newton:

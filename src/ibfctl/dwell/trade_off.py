@@ -71,7 +71,7 @@ def aim_at(
     """
     # The matrices of a small job are small: on a busy machine BLAS threads wait for each other longer than they work.
     with threadpool_limits(1, "blas"):
-        small = None if np.isfinite(problem.upper_s).any() else compress(problem)
+        small = compress(problem)
         if small is not None:
             return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled, progress)
     effort = effort or Effort()

@@ -7,6 +7,7 @@ import numpy as np
 from ibfctl.dwell.bounds import ADVISED_SHARES, characteristic_speed_mm_s
 from ibfctl.machine.description import MachineDescription
 from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.bounds import along_path
 
 
 def advised_speeds_mm_s(path: ToolPath, machine: MachineDescription) -> tuple[float, float]:
@@ -18,11 +19,7 @@ def advised_speeds_mm_s(path: ToolPath, machine: MachineDescription) -> tuple[fl
     moving = length_mm > 0
     if not moving.any():
         return 0.0, 0.0
-    with np.errstate(divide="ignore"):
-        along = [
-            machine.axis_of(coordinate).a_max_mm_s2 * length_mm[moving] / np.abs(np.diff(nodes_mm)[moving])
-            for coordinate, nodes_mm in (("x", path.x_mm), ("y", path.y_mm))
-        ]
-    speed_mm_s = characteristic_speed_mm_s(length_mm[moving], np.minimum(*along), 0.0)
+    _, push_mm_s2 = along_path(path, machine)
+    speed_mm_s = characteristic_speed_mm_s(length_mm[moving], push_mm_s2[moving], 0.0)
     low, high = ADVISED_SHARES
     return low * float(np.median(speed_mm_s)), high * float(np.median(speed_mm_s))

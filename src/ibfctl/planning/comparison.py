@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ibfctl.dwell.methods.nnls import nnls_then_limits
 from ibfctl.dwell.operator import RemovalOperator, removal_of_samples
 from ibfctl.dwell.solver import Cancelled, Regularisation, never
 from ibfctl.errors import CancelledError
@@ -120,7 +121,10 @@ def path_choices(kinds: tuple[str, ...], options: PlanOptions) -> dict[str, Plan
 
 
 def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled: Cancelled = never) -> ComparedPath:
-    """Compare the schedulers on the path of a job: all get the times that the plain chain's program takes."""
+    """Compare the schedulers on the path of a job: all get the times that the plain chain's program takes.
+
+    But for one row: PVT with the times of the classic chain, non-negative least squares first, limits afterwards.
+    """
     operator = RemovalOperator(job.grid, job.influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
     regularisation = Regularisation(job.options.tikhonov)
     chosen = solve_dwell(job, operator, regularisation, cancelled).chosen
@@ -134,6 +138,10 @@ def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled:
                 job.path, dwell_s, job.machine, job.corridor_mm, stretch=True, jerk_max_mm_s3=jerk_max_mm_s3
             )
             yield "pvt, jerk limited", motion_of_schedule(limited)
+        classic = nnls_then_limits(job.ideal_problem(job.misfit), cancelled=cancelled)
+        yield "pvt, classic dwell times", motion_of_schedule(
+            schedule(job.path, classic.time_s, job.machine, job.corridor_mm, stretch=True)
+        )
         best, _ = refine(job, plain, chosen.price_nm2_s, regularisation, cancelled)
         yield "pvt, motion in the loop", motion_of_schedule(best.scheduled)
         yield "constant acceleration", constant_acceleration(job.path, dwell_s, job.machine)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ibfctl.dwell.bounds import DwellBounds
 from ibfctl.dwell.deposition import Grid, grid_of
 from ibfctl.dwell.misfit import (
     CELLS_PER_WIDTH,
@@ -17,13 +18,13 @@ from ibfctl.dwell.misfit import (
 )
 from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import DwellProblem
-from ibfctl.errors import InputError
+from ibfctl.errors import InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.aperture import check_sizes, clear_aperture_mask
+from ibfctl.planning.bounds import step_bounds
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.paths import make_path
-from ibfctl.schedule.scheduler import shortest_times
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.levelling import Levelling, rms
 from ibfctl.surface.map import SurfaceMap
@@ -52,8 +53,8 @@ class PlanningJob:
         The same, averaged over cells, for the solver to finish and to search on.
     path
         Nodes; its overrun included.
-    lower_s : (n,) float64
-        Shortest time of each segment.
+    bounds
+        Shortest and longest time of each segment.
     corridor_mm
         How far the motion may leave a segment.
     """
@@ -68,7 +69,7 @@ class PlanningJob:
     misfit: Misfit
     coarse: Misfit
     path: ToolPath
-    lower_s: FloatArray
+    bounds: DwellBounds
     corridor_mm: float
 
     @property
@@ -90,9 +91,32 @@ class PlanningJob:
         result[self.clear_aperture] = self.residual_nm(removal_nm)
         return result
 
+    def keeps(self, time_s: FloatArray) -> bool:
+        """Whether executed times (n,) of the segments keep their upper bounds."""
+        return bool((time_s <= self.bounds.upper_s + 0.5 * self.machine.sample_period_s).all())
+
+    def check_times(self, time_s: FloatArray) -> None:
+        """Refuse executed times (n,) that the machine's limits have lengthened beyond their upper bounds.
+
+        Raises
+        ------
+        LimitsError
+            With the step that is over by most.
+        """
+        if self.keeps(time_s):
+            return
+        over_s = time_s - self.bounds.upper_s
+        worst = int(np.argmax(over_s))
+        raise LimitsError(
+            f"plan: the machine's limits lengthen {int((over_s > 0).sum())} of {time_s.size} steps beyond what "
+            f"{self.options.v_min_mm_s:g} mm/s allows; the worst, to node {worst + 1}, takes {time_s[worst]:.4g} s "
+            f"instead of {self.bounds.upper_s[worst]:.4g} s",
+            "lower --v-min-mm-s, or take longer steps",
+        )
+
     def problem(self, operator: RemovalOperator, lower_s: FloatArray) -> DwellProblem:
         """Least-squares problem of an operator on the cells, with lower bounds (n,)."""
-        return DwellProblem(operator, self.misfit, lower_s, np.full(lower_s.size, np.inf), self.path.straight)
+        return DwellProblem(operator, self.misfit, lower_s, self.bounds.upper_s, self.path.straight)
 
     def ideal_problem(self, misfit: Misfit) -> DwellProblem:
         """Least-squares problem of the dwell points on the cells of `misfit`."""
@@ -100,7 +124,7 @@ class PlanningJob:
         operator = RemovalOperator(
             misfit.grid, misfit.influence, path.dwell_x_mm, path.dwell_y_mm, precision=np.float32
         )
-        return DwellProblem(operator, misfit, self.lower_s, np.full(self.lower_s.size, np.inf), path.straight)
+        return DwellProblem(operator, misfit, self.bounds.lower_s, self.bounds.upper_s, path.straight)
 
 
 def prepare(
@@ -123,11 +147,6 @@ def prepare(
         make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width))
         for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
     )
-    lower_s = shortest_times(path, machine)
-    if options.dwell_min_s is not None:
-        if not (np.isfinite(options.dwell_min_s) and options.dwell_min_s >= 0):
-            raise InputError(f"dwell_min_s is {options.dwell_min_s:g}", "give a time of zero or more seconds")
-        lower_s = np.maximum(lower_s, options.dwell_min_s)
     return PlanningJob(
         surface,
         influence,
@@ -139,7 +158,7 @@ def prepare(
         misfit,
         coarse,
         path,
-        lower_s,
+        step_bounds(path, machine, options),
         corridor_of(options),
     )
 

@@ -83,7 +83,9 @@ def refine(
         found = best
         for share in LINE_SEARCH:
             tried = execute(job, best.asked_s + share * (wanted_s - best.asked_s))
-            if tried.rms_nm < found.rms_nm and tried.scheduled.program.total_time_s <= longest_s:
+            scheduled = tried.scheduled
+            in_time = scheduled.program.total_time_s <= longest_s and job.keeps(scheduled.segment_time_s)
+            if tried.rms_nm < found.rms_nm and in_time:
                 found = tried
                 break
         gain = 1 - found.rms_nm / best.rms_nm if best.rms_nm > 0 else 0.0
@@ -110,7 +112,7 @@ def _corrected(
     # Where the limits asked for more time than wanted, less is no use.
     given_s = scheduled.segment_time_s
     stretched = given_s > present.asked_s + 3 * job.machine.sample_period_s
-    problem = job.problem(operator, np.where(stretched, given_s, job.lower_s))
+    problem = job.problem(operator, np.where(stretched, given_s, job.bounds.lower_s))
     descent = Descent(problem, regularisation, given_s, cancelled)
     descent.advance(price_nm2_s, ITERATIONS, 1e-6)
     return descent.time_s

@@ -10,7 +10,9 @@ from ibfctl.dwell.trade_off import Aim
 from ibfctl.surface.levelling import Removed
 from ibfctl.surface.regions import Region
 
-__all__ = ["Aim", "PlanOptions", "Removed"]
+__all__ = ["Aim", "Bounds", "PlanOptions", "Removed"]
+
+Bounds = Literal["machine", "ramp"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,11 @@ class PlanOptions:
         piston, or piston and tilt.
     dwell_min_s
         Lower bound on every dwell time, above what the machine's limits ask for; None for the machine's own.
+    v_min_mm_s
+        Slowest mean speed over a step, an upper bound on every dwell time; None for none.
+    dwell_bounds
+        "machine" for the shortest times of the machine itself and the slowest speed; "ramp" for those of linear ramps
+        between a slowest and a fastest speed as well (Zhang et al. 2021, Eq. 17).
     corridor_mm
         How far the executed path may leave its programmed segment; None for 5 % of the pitch.
     loop
@@ -56,6 +63,8 @@ class PlanOptions:
     clear_aperture: Region | None = None
     remove: Removed = "tilt"
     dwell_min_s: float | None = None
+    v_min_mm_s: float | None = None
+    dwell_bounds: Bounds = "machine"
     corridor_mm: float | None = None
     loop: bool = True
     aim: Aim = field(default_factory=Aim)

@@ -13,6 +13,7 @@ from ibfctl.machine.program import PvtProgram
 from ibfctl.path.figures import PathFigures, path_figures
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.aperture import pixels_of
+from ibfctl.planning.bounds import step_bounds
 from ibfctl.planning.options import PlanOptions
 from ibfctl.schedule.certificate import Certificate, axis_cubics
 from ibfctl.surface.influence import InfluenceFunction
@@ -160,6 +161,8 @@ class Plan:
                 values = residual_nm[self.prediction.clear_aperture]
                 figures[f"{name}_rms_nm"] = rms(values)
                 figures[f"{name}_pv_nm"] = peak_to_valley(values)
+        if self.options.v_min_mm_s is not None:
+            figures["dwell_bounds"] = self._bounds_figures()
         if self.trade_off:
             figures["trade_off"] = [asdict(point) for point in self.trade_off]
         return figures | {
@@ -172,6 +175,17 @@ class Plan:
             "certificate": self.certificate.summary(),
             "rounds": [asdict(round_) for round_ in self.rounds],
             "planning_time_s": self.planning_time_s,
+        }
+
+    def _bounds_figures(self) -> dict[str, float]:
+        """Range of the bounds, and how many of the times that were asked for lie on them, to a sample."""
+        bounds, asked_s = step_bounds(self.path, self.machine, self.options), self.dwell.time_s
+        sample_s = self.machine.sample_period_s
+        return {
+            "shortest_s": float(bounds.lower_s.min()),
+            "longest_s": float(bounds.upper_s.max()),
+            "steps_at_shortest": int((asked_s < bounds.lower_s + sample_s).sum()),
+            "steps_at_longest": int((asked_s > bounds.upper_s - sample_s).sum()),
         }
 
     def path_figures(self) -> PathFigures:

@@ -74,7 +74,7 @@ def make_plan(
     job = prepare(surface, influence, machine, options)
     if options.l_curve:
         stage("finding the Tikhonov factor", 0.1)
-        corner = l_curve(job.ideal_problem(job.coarse), job.lower_s, Regularisation(), cancelled=stop)
+        corner = l_curve(job.ideal_problem(job.coarse), job.bounds.lower_s, Regularisation(), cancelled=stop)
         options = replace(options, tikhonov=corner.chosen)
     stage("solving dwell times", 0.1)
     ideal = RemovalOperator(job.grid, influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
@@ -89,6 +89,7 @@ def make_plan(
         chosen, trade_off = _walked(job, ideal, solved, regularisation, stop)
     stage("scheduling", 0.6)
     best = execute(job, chosen.time_s)
+    job.check_times(best.scheduled.segment_time_s)
     rounds: tuple[Round, ...] = ()
     if options.loop:
         stage("correcting for the executed motion", 0.7)
@@ -147,16 +148,19 @@ def solve_dwell(
         If the machine needs more than the time aimed at, or the residual aimed at cannot be reached.
     """
     aim = job.options.aim
-    if aim.max_time_s is not None and job.lower_s.sum() > aim.max_time_s:
+    shortest_s, longest_s = job.bounds.lower_s, job.bounds.upper_s
+    if aim.max_time_s is not None and shortest_s.sum() > aim.max_time_s:
         raise LimitsError(
-            f"plan: this path takes the machine at least {job.lower_s.sum():.1f} s, more than {aim.max_time_s:g} s",
+            f"plan: this path takes the machine at least {shortest_s.sum():.1f} s, more than {aim.max_time_s:g} s",
             "allow more time, or choose a larger pitch or step",
         )
+    if job.options.remove == "none" and np.isfinite(longest_s).all():
+        _check_reach(job, ideal(longest_s))
     found = aim_at(
         job.ideal_problem(job.misfit),
         lambda time_s: job.rms_nm(ideal(time_s)),
         aim,
-        start_s=job.lower_s,
+        start_s=shortest_s,
         coarse=job.ideal_problem(job.coarse),
         regularisation=regularisation,
         cancelled=cancelled,
@@ -169,6 +173,17 @@ def solve_dwell(
             "allow a larger residual, or choose a smaller pitch or a narrower tool",
         )
     return found
+
+
+def _check_reach(job: PlanningJob, most_nm: FloatArray) -> None:
+    """Refuse a map whose mean height is above what the longest times remove, `most_nm` (ny, nx)."""
+    wanted_nm, reached_nm = job.target_nm.mean(), most_nm[job.clear_aperture].mean()
+    if wanted_nm > reached_nm:
+        raise LimitsError(
+            f"plan: {wanted_nm:.4g} nm are to be removed on average, but at {job.options.v_min_mm_s:g} mm/s or more "
+            f"this tool and path remove at most {reached_nm:.4g} nm",
+            "lower --v-min-mm-s, choose a smaller pitch, or leave piston free with --remove",
+        )
 
 
 def schedule_nodes(

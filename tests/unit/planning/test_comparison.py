@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,7 @@ def test_a_raster_is_compared_along_both_axes(compared: dict[str, ComparedPath])
         assert list(path.schedulers) == [
             "pvt",
             "pvt, jerk limited",
+            "pvt, classic dwell times",
             "pvt, motion in the loop",
             "constant acceleration",
             "position mode",
@@ -56,6 +59,13 @@ def test_the_loop_leaves_no_more_and_takes_no_longer_than_the_plain_chain(compar
         plain, loop = path.schedulers["pvt"], path.schedulers["pvt, motion in the loop"]
         assert loop.executed_rms_nm <= plain.executed_rms_nm
         assert loop.total_time_s <= 1.01 * plain.total_time_s
+
+
+def test_limits_that_come_last_leave_more() -> None:
+    # At 1 mm/s or more many of the times that are wanted are cut.
+    (choice,) = path_choices(("maze",), replace(OPTIONS, v_min_mm_s=1.0)).values()
+    rows = compare(SURFACE, TOOL, MACHINE, {"maze": choice})["maze"].schedulers
+    assert rows["pvt, classic dwell times"].executed_rms_nm > 1.2 * rows["pvt"].executed_rms_nm
 
 
 def test_position_mode_pays_for_its_stops_in_time(compared: dict[str, ComparedPath]) -> None:

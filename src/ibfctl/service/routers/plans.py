@@ -68,6 +68,13 @@ class PlanRequest(BaseModel):
     ] = None
     remove: Literal["none", "piston", "tilt"] = "tilt"
     dwell_min_s: Positive | None = None
+    v_min_mm_s: Annotated[
+        Positive | None, Field(description="Slowest mean speed over a step: an upper bound of every dwell time.")
+    ] = None
+    dwell_bounds: Annotated[
+        Literal["machine", "ramp"],
+        Field(description="Shortest times of the machine, or also the bounds of linear ramps."),
+    ] = "machine"
     corridor_mm: Positive | None = None
     loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
     margin: Annotated[
