@@ -21,7 +21,7 @@ from ibfctl.machine.description import MachineDescription
 START_TIMEOUT_S = 30.0
 END_TIMEOUT_S = 30.0
 
-_LISTENING = re.compile(rb"listening on (?P<host>\S+):(?P<port>\d+)\s*\n")
+LISTENING = re.compile(rb"listening on (?P<host>\S+):(?P<port>\d+)\s*\n")
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def _await_address(process: subprocess.Popen[bytes], errors: IO[bytes]) -> tuple
     assert process.stdout is not None  # Popen was given a pipe
     deadline = time.monotonic() + START_TIMEOUT_S
     said = b""
-    while (match := _LISTENING.search(said)) is None:
+    while (match := LISTENING.search(said)) is None:
         readable, _, _ = select.select([process.stdout], [], [], max(deadline - time.monotonic(), 0.0))
         chunk = os.read(process.stdout.fileno(), 4096) if readable else b""
         if not chunk:

@@ -197,6 +197,13 @@ class Journal:
             rows = self._connection.execute(question, [*values, -1 if limit is None else limit]).fetchall()
         return [Event(row[0], row[1], json.loads(row[2]), *row[3:]) for row in rows]
 
+    def last(self, run: str, kind: str) -> Event | None:
+        """Return the last event of a kind of a run; None where there is none."""
+        question = "SELECT coalesce(max(id), 0) FROM event WHERE run = ? AND kind = ?"
+        with self._lock:
+            (identity,) = self._connection.execute(question, (run, kind)).fetchone()
+        return self.events(after=identity - 1, run=run, kind=kind, limit=1)[0] if identity else None
+
     def wire(self, run: str) -> Iterator[list[Any]]:
         """Return the exchanges with the controller of a run in their order, see `ibfctl.runs.wire`."""
         for event in self.events(run=run, kind="wire"):

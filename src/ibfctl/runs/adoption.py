@@ -1,0 +1,73 @@
+"""Which runs live, and what became of those that no longer do.
+
+A worker lives as long as the lock of its folder is held: a process id may belong to somebody else by now.
+"""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ibfctl.runs import status
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.lock import is_held, take
+from ibfctl.runs.places import JOB, LOCK, SIDE, journal_path
+from ibfctl.runs.recorder import absorb
+from ibfctl.runs.states import TERMINAL, RunState, check
+
+REASON = "the worker ended without a word"
+
+
+def has_worker(folder: Path) -> bool:
+    """Return whether the worker of the run in `folder` lives."""
+    return is_held(folder / LOCK)
+
+
+def run_folders(data: Path) -> list[Path]:
+    """Return the folders of all runs of a data folder, by their ids."""
+    return sorted(path.parent for path in (data / "runs").glob(f"*/{JOB}"))
+
+
+def living(data: Path) -> list[Path]:
+    """Return the folders of all runs whose workers live."""
+    return [folder for folder in run_folders(data) if has_worker(folder)]
+
+
+def last_state(journal: Journal, run: str) -> RunState:
+    """Return the last state of a run that the journal knows."""
+    event = journal.last(run, "state")
+    return RunState.QUEUED if event is None else RunState(event.data["state"])
+
+
+def interrupt_orphans(data: Path) -> list[Path]:
+    """Note `interrupted` for every run that was under way and has no worker; return their folders.
+
+    What such a worker had still to say to the journal is written first. Runs that are queued are left alone: a
+    worker of theirs has not begun.
+    """
+    interrupted = []
+    with Journal.open(journal_path(data)) as journal:
+        for folder in run_folders(data):
+            lock = take(folder / LOCK, f"recovery by process {os.getpid()}")
+            if lock is None:
+                continue
+            try:
+                absorb(journal, folder / SIDE)
+                state = last_state(journal, folder.name)
+                if state in TERMINAL | {RunState.QUEUED, RunState.INTERRUPTED}:
+                    continue
+                check(state, RunState.INTERRUPTED)
+                journal.append(folder.name, "state", {"state": RunState.INTERRUPTED, "was": state, "reason": REASON})
+                _show(folder)
+                interrupted.append(folder)
+            finally:
+                os.close(lock)
+    return interrupted
+
+
+def _show(folder: Path) -> None:
+    """Put right the status that the worker has left: what it said of the gate holds no more."""
+    shown = status.read(folder) or {"run": folder.name, "seq": 0}
+    told = {"state": RunState.INTERRUPTED, "reason": REASON, "gate": "unknown", "seq": shown["seq"] + 1}
+    status.write(folder, {**shown, **told, "at": datetime.now(UTC).isoformat(timespec="milliseconds")})
