@@ -46,3 +46,22 @@ def test_people_get_a_table_for_every_path(small_job: SmallJob, capsys: pytest.C
 def test_a_limit_of_the_jerk_must_be_positive(small_job: SmallJob, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(_arguments(small_job, "--jerk-max-mm-s3", "0")) == 2
     assert "--jerk-max-mm-s3" in capsys.readouterr().err
+
+
+def test_methods_side_by_side(small_job: SmallJob, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(_arguments(small_job, "--path", "maze", "--methods", "--json")) == 0
+    methods = json.loads(capsys.readouterr().out)["methods"]["maze"]
+    assert {"inverse filter", "NNLS, then limits", "damped LSMR", "damped LSMR, extended", "ours"} <= set(methods)
+    for row in methods.values():
+        assert {"executed_rms_nm", "total_time_s", "slope_rms_s_mm", "peak_speed_mm_s", "planning_s"} <= set(row)
+    assert run(_arguments(small_job, "--path", "maze", "--methods")) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0].startswith("maze")
+    assert len(printed) == 2 + len(methods)
+
+
+def test_methods_and_schedulers_are_not_compared_at_once(
+    small_job: SmallJob, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(_arguments(small_job, "--methods", "--jerk-max-mm-s3", "20000")) == 2
+    assert "--jerk-max-mm-s3" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`ibfctl compare`: schedulers side by side on the same paths and dwell times."""
+"""`ibfctl compare`: schedulers, or methods for dwell times, side by side on the same paths."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 from ibfctl.cli.options import bounds_options, covering_options, json_option, machine_option, unit_options
 from ibfctl.cli.output import print_json
 from ibfctl.cli.progress import progress
-from ibfctl.cli.words import comparison_lines
+from ibfctl.cli.words import comparison_lines, method_lines
 
 if TYPE_CHECKING:
     from ibfctl.surface.regions import Region
@@ -22,6 +22,7 @@ _KINDS = ("raster", "maze")
 @click.argument("surface_map", metavar="MAP")
 @click.argument("influence", metavar="TIF")
 @machine_option(required=True)
+@click.option("--methods", is_flag=True, help="Compare methods for dwell times instead of schedulers.")
 @click.option(
     "--path",
     "kinds",
@@ -44,6 +45,7 @@ def command(
     surface_map: str,
     influence: str,
     machine: Path,
+    methods: bool,
     kinds: tuple[str, ...],
     seed: int,
     pitch_mm: float,
@@ -65,11 +67,15 @@ def command(
     """Compare schedulers: PVT with and without motion in the loop, constant acceleration, position mode.
 
     All but the classic chain get the same dwell times on a path; what each leaves is computed from its own motion.
-    MAP and TIF are as for `ibfctl plan`. Nothing is written, and the baselines are never sent to a machine.
+    With --methods, methods for dwell times instead, all executed through the same scheduler: inverse filter, NNLS,
+    damped LSMR, and ours. MAP and TIF are as for `ibfctl plan`. Nothing is written, and the baselines are never sent
+    to a machine.
     """
+    if methods and jerk_max_mm_s3 is not None:
+        raise click.UsageError("--jerk-max-mm-s3 is for comparing schedulers, not --methods.")
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.machine.description import read_machine
-    from ibfctl.planning.comparison import compare, path_choices, summary
+    from ibfctl.planning import comparison, side_by_side
     from ibfctl.planning.options import Bounds, PlanOptions, Removed
 
     options = PlanOptions(
@@ -83,17 +89,18 @@ def command(
         dwell_bounds=cast(Bounds, dwell_bounds),
         corridor_mm=corridor_mm,
     )
+    paths = comparison.path_choices(kinds, options)
+    surface = MapFile(surface_map, map_pixel_mm, map_unit, map_array).read()
+    tool = InfluenceFile(influence, tif_pixel_mm, tif_unit).read()
+    stages = read_machine(machine)
     with progress() as report:
-        compared = compare(
-            MapFile(surface_map, map_pixel_mm, map_unit, map_array).read(),
-            InfluenceFile(influence, tif_pixel_mm, tif_unit).read(),
-            read_machine(machine),
-            path_choices(kinds, options),
-            jerk_max_mm_s3=jerk_max_mm_s3,
-            progress=report,
-        )
-    figures = summary(compared)
+        if methods:
+            figures = side_by_side.summary(side_by_side.compare_methods(surface, tool, stages, paths, progress=report))
+        else:
+            figures = comparison.summary(
+                comparison.compare(surface, tool, stages, paths, jerk_max_mm_s3=jerk_max_mm_s3, progress=report)
+            )
     if as_json:
         print_json(figures)
     else:
-        click.echo("\n".join(comparison_lines(figures)))
+        click.echo("\n".join(method_lines(figures) if methods else comparison_lines(figures)))

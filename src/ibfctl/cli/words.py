@@ -110,6 +110,28 @@ def comparison_lines(figures: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def method_lines(figures: Mapping[str, Any]) -> list[str]:
+    """Return the table of methods for dwell times: one block for each path, one row for each method."""
+    columns = (
+        ("ideal_rms_nm", "ideal", "nm RMS", 10, "10.4f"),
+        ("executed_rms_nm", "executed", "nm RMS", 10, "10.4f"),
+        ("total_time_s", "run time", "s", 11, "11.1f"),
+        ("slope_rms_s_mm", "slope RMS", "s/mm", 11, "11.4g"),
+        ("peak_speed_mm_s", "peak speed", "mm/s", 12, "12.1f"),
+        ("planning_s", "planning", "s", 10, "10.2f"),
+    )
+    lines: list[str] = []
+    for name, methods in figures["methods"].items():
+        lines += [
+            *([""] if lines else []),
+            f"{name:<24}" + "".join(f"{heading:>{width}}" for _, heading, _, width, _ in columns),
+            f"{'':<24}" + "".join(f"{unit:>{width}}" for _, _, unit, width, _ in columns),
+        ]
+        for method, row in methods.items():
+            lines.append(f"{method:<24}" + "".join(f"{row[key]:>{form}}" for key, _, _, _, form in columns))
+    return lines
+
+
 def path(figures: Mapping[str, Any]) -> str:
     """Say the figures of a path."""
     gap = figures["largest_gap_mm"]

@@ -170,8 +170,8 @@ class Plan:
             "nodes": int(self.path.x_mm.size),
             "segments": len(self.program),
             "path": asdict(self.path_figures()),
-            "peak_velocity_mm_s": {letter: peak[0] for letter, peak in self.peaks().items()},
-            "peak_acceleration_mm_s2": {letter: peak[1] for letter, peak in self.peaks().items()},
+            "peak_velocity_mm_s": {letter: peak[0] for letter, peak in peaks(self.program).items()},
+            "peak_acceleration_mm_s2": {letter: peak[1] for letter, peak in peaks(self.program).items()},
             "certificate": self.certificate.summary(),
             "rounds": [asdict(round_) for round_ in self.rounds],
             "planning_time_s": self.planning_time_s,
@@ -194,16 +194,17 @@ class Plan:
             return path_figures(self.path)
         return path_figures(self.path, pixels_of(self.surface, self.prediction.clear_aperture))
 
-    def peaks(self) -> dict[str, tuple[float, float]]:
-        """Peak speed in mm/s and peak acceleration in mm/s² by axis letter, from the program's integers."""
-        peaks = {}
-        for letter, axis in self.program.axes.items():
-            cubics = axis_cubics(self.program, axis)
-            low, high = cubics.velocity_range
-            speed = max(float(high.max()), float(-low.min()))
-            scale = abs(axis.counts_per_mm)
-            peaks[letter] = speed / scale, float(cubics.peak_acceleration.max()) / scale
-        return peaks
+
+def peaks(program: PvtProgram) -> dict[str, tuple[float, float]]:
+    """Peak speed in mm/s and peak acceleration in mm/s² by axis letter, from a program's integers."""
+    found = {}
+    for letter, axis in program.axes.items():
+        cubics = axis_cubics(program, axis)
+        low, high = cubics.velocity_range
+        speed = max(float(high.max()), float(-low.min()))
+        scale = abs(axis.counts_per_mm)
+        found[letter] = speed / scale, float(cubics.peak_acceleration.max()) / scale
+    return found
 
 
 def levelled(values_nm: FloatArray, clear_aperture: NDArray[np.bool_], levelling: Levelling) -> FloatArray:
