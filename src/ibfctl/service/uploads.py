@@ -13,7 +13,7 @@ from ibfctl.service.problems import ServiceError
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection, Record, fingerprint_of
 
-Format = Literal["npz", "mat", "csv", "xyz"]
+Format = Literal["npz", "mat", "csv", "xyz", "dat", "fits", "tif"]
 BODY = {"requestBody": {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}}
 
 

@@ -7,15 +7,14 @@ they must agree.
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import io
 
 from ibfctl.errors import InputError
-from ibfctl.surface.readers.quantity import MAX_PITCH_MISMATCH, MAX_PIXELS, Quantity
+from ibfctl.surface.readers.mat5 import matrices, read_matrix
+from ibfctl.surface.readers.quantity import MAX_PITCH_MISMATCH, Quantity
 from ibfctl.surface.readers.table import Table, check_size, square_pitch, uniform_axis
 from ibfctl.units import MM_PER_M
 
@@ -23,8 +22,6 @@ FloatArray = NDArray[np.float64]
 
 _PREFERRED = ("Z_to_remove", "Z")
 _PIXEL_NAMES = ("pixel_m", "m_per_pixel")
-_MAX_BYTES = 8 * MAX_PIXELS
-_HEADER_BYTES, _TAG_BYTES, _COMPRESSED = 128, 8, 15
 
 
 def read_mat(
@@ -32,41 +29,25 @@ def read_mat(
 ) -> Table:
     """Read one array of a MATLAB file."""
     where = f"{quantity.what} {path}"
-    try:
-        _refuse_bombs(path, where)
-        shapes = {name: shape for name, shape, _ in io.whosmat(path)}
-        name = _array_name(shapes, array, where)
-        wanted = [name, *(key for key in ("X", "Y", *_PIXEL_NAMES) if key in shapes)]
-        for key in wanted:
-            check_size(shapes[key], f"{where}: {key}")
-        content = io.loadmat(path, variable_names=wanted)
-        arrays = {key: _real(content[key], f"{where}: {key}") for key in wanted}
-    except InputError:
-        raise
-    except Exception as error:  # a damaged file makes scipy and zlib raise almost anything
-        raise InputError(
-            f"{where}: is no readable MATLAB version 5 file ({error})",
-            "save it in MATLAB with the option -v7",
-        ) from error
+    held = matrices(path, where)
+    name = _array_name(list(held), array, where)
+    wanted = [name, *(key for key in ("X", "Y", *_PIXEL_NAMES) if key in held)]
+    for key in wanted:
+        check_size(held[key].shape, f"{where}: {key}")
+    arrays = {key: read_matrix(path, held[key], f"{where}: {key}") for key in wanted}
     scale = quantity.scale(None, unit or ("m" if quantity.stem == "height" else "m/s"), where)
     return _table(arrays, arrays[name] * scale, quantity, pixel_mm, where)
 
 
-def _array_name(shapes: dict[str, tuple[int, ...]], array: str | None, where: str) -> str:
+def _array_name(names: list[str], array: str | None, where: str) -> str:
     for name in (array,) if array else _PREFERRED:
-        if name in shapes:
+        if name in names:
             return name
-    held = ", ".join(sorted(shapes)) or "nothing"
+    held = ", ".join(sorted(names)) or "nothing"
     raise InputError(
         f"{where}: has no array {array or ' or '.join(_PREFERRED)}, it holds {held}",
         "name the array to read",
     )
-
-
-def _real(value: NDArray[np.generic], where: str) -> FloatArray:
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
-        raise InputError(f"{where}: does not hold real numbers", "store it as a real matrix")
-    return value.astype(np.float64)
 
 
 def _table(
@@ -100,23 +81,3 @@ def _agreed(declared_mm: list[float], where: str) -> float | None:
         sizes = " and ".join(f"{value:.6g} mm" for value in declared_mm)
         raise InputError(f"{where}: says its pixel size more than once: {sizes}", "X, Y and pixel_m must be in metres")
     return declared_mm[0]
-
-
-def _refuse_bombs(path: Path, where: str) -> None:
-    """Inflate no further than the largest allowed map: a small file may declare gigabytes."""
-    with path.open("rb") as stream:
-        stream.seek(_HEADER_BYTES)
-        while len(tag := stream.read(_TAG_BYTES)) == _TAG_BYTES:
-            kind, size = (int(word) for word in np.frombuffer(tag, dtype="<u4"))
-            body = stream.read(size)
-            if len(body) < size:
-                raise InputError(f"{where}: is cut short", "copy the file again")
-            if kind != _COMPRESSED:
-                continue
-            inflater = zlib.decompressobj()
-            left = _MAX_BYTES
-            while body and left > 0:
-                left -= len(inflater.decompress(body, 1 << 20))
-                body = inflater.unconsumed_tail
-            if body:
-                raise InputError(f"{where}: unpacks to more than {_MAX_BYTES >> 20} MiB", "crop or bin the map")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from pathlib import Path
 from typing import IO, Any
@@ -23,7 +24,8 @@ def read_npz(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str |
             name, declared_unit = _table_name(list(members), quantity, path)
             scale = quantity.scale(declared_unit, unit, f"{quantity.what} {path}")
             with archive.open(members[name]) as stream:
-                values = _read_array(stream, f"{quantity.what} {path}: {name}")
+                size = archive.getinfo(members[name]).file_size
+                values = _read_array(stream, size, f"{quantity.what} {path}: {name}")
             scalars: dict[str, float] = {}
             for key in ("pixel_mm", "x0_mm", "y0_mm"):
                 if key in members:
@@ -52,13 +54,14 @@ def _table_name(names: list[str], quantity: Quantity, path: Path) -> tuple[str, 
     return tables[0]
 
 
-def _header(stream: IO[bytes], where: str) -> tuple[int, ...]:
+def _header(stream: IO[bytes], where: str) -> tuple[tuple[int, ...], int]:
+    """Return the shape that the array's header declares, and how many bytes it has without that header."""
     version = npy.read_magic(stream)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(stream)
     if dtype.hasobject or dtype.kind not in "fiu":
         raise InputError(f"{where}: holds {dtype} where real numbers are needed", "store it as float64")
-    return tuple(shape)
+    return tuple(shape), math.prod(shape) * dtype.itemsize
 
 
 def _rewound(stream: IO[bytes]) -> NDArray[Any]:
@@ -66,13 +69,16 @@ def _rewound(stream: IO[bytes]) -> NDArray[Any]:
     return npy.read_array(stream, allow_pickle=False)
 
 
-def _read_array(stream: IO[bytes], where: str) -> NDArray[np.float64]:
-    check_size(_header(stream, where), where)
-    return _rewound(stream).astype(np.float64)
+def _read_array(stream: IO[bytes], size: int, where: str) -> NDArray[np.float64]:
+    shape, needed = _header(stream, where)
+    check_size(shape, where)
+    if needed > size:
+        raise InputError(f"{where}: is cut short, it declares {needed} bytes and holds {size}", "write it anew")
+    return _rewound(stream).astype(np.float64, copy=False)
 
 
 def _read_scalar(stream: IO[bytes], where: str) -> float:
-    shape = _header(stream, where)
+    shape, _ = _header(stream, where)
     if any(side != 1 for side in shape):
         raise InputError(f"{where}: must be a single number, not of shape {shape}", "store one value")
     value = float(_rewound(stream).reshape(()))

@@ -66,6 +66,14 @@ class Quantity:
             raise InputError(f"{where}: unknown unit {unit!r} of {self.stem}", f"use one of {', '.join(self.units)}")
         return self.units[unit]
 
+    def refuse_heights(self, where: str) -> None:
+        """Refuse a file of a measuring instrument, which holds heights, where rates are wanted."""
+        if self.stem != "height":
+            raise InputError(
+                f"{where}: a measuring instrument's file holds heights, no rates",
+                "make the influence function from the maps before and after a dwell: ibfctl tif",
+            )
+
     def pixel_mm(self, declared_mm: float | None, given_mm: float | None, where: str) -> float:
         """Return the pixel size on which the file and the command line agree."""
         for value_mm in (declared_mm, given_mm):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,21 @@ from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX, read_gaussian
 from ibfctl.surface.readers.quantity import HEIGHT, RATE, Quantity
 from ibfctl.surface.readers.table import Table
 
-MAP_SUFFIXES = (".npz", ".mat", ".csv", ".xyz", ".txt")
+# Module and function: imported when they are needed, because scipy.io alone takes a quarter of a second to load.
+_READERS = {
+    ".npz": ("npz", "read_npz"),
+    ".mat": ("mat", "read_mat"),
+    ".csv": ("xyz", "read_xyz"),
+    ".xyz": ("xyz", "read_xyz"),
+    ".txt": ("xyz", "read_xyz"),
+    ".dat": ("metropro", "read_metropro"),
+    ".fits": ("fits", "read_fits"),
+    ".fit": ("fits", "read_fits"),
+    ".tif": ("tiff", "read_tiff"),
+    ".tiff": ("tiff", "read_tiff"),
+}
+_WITH_ARRAYS = (".mat",)
+MAP_SUFFIXES = tuple(_READERS)
 
 
 def read_map(
@@ -30,7 +45,7 @@ def read_map(
     Parameters
     ----------
     spec
-        A file: .npz, .mat, .csv, .xyz or .txt.
+        A file of a kind in docs/file-formats.md, told by its suffix.
     pixel_mm, height_unit
         What the file does not say; given although the file says it, they must agree.
     array
@@ -95,27 +110,22 @@ def _read(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | No
             f"{quantity.what} {path}: unknown kind of file {suffix or 'without suffix'!r}",
             f"give one of {', '.join(MAP_SUFFIXES)}",
         )
-    if array is not None and suffix != ".mat":
-        raise InputError(f"{quantity.what} {path}: only .mat files hold arrays to choose from", "leave the option out")
+    if array is not None and suffix not in _WITH_ARRAYS:
+        raise InputError(
+            f"{quantity.what} {path}: only {' and '.join(_WITH_ARRAYS)} files hold arrays to choose from",
+            "leave the option out",
+        )
     try:
         with path.open("rb"):
             pass
     except OSError as error:
         raise InputError(f"{quantity.what} {path}: cannot be read ({error.strerror})", "check the path") from error
-    # The readers are imported here because scipy.io alone takes a quarter of a second to load.
-    if suffix == ".npz":
-        from ibfctl.surface.readers.npz import read_npz
-
-        table = read_npz(path, quantity, pixel_mm, unit)
-    elif suffix == ".mat":
-        from ibfctl.surface.readers.mat import read_mat
-
-        table = read_mat(path, quantity, pixel_mm, unit, array)
-    else:
-        from ibfctl.surface.readers.xyz import read_xyz
-
-        table = read_xyz(path, quantity, pixel_mm, unit)
-    _refuse_implausible(table, quantity, path)
+    module, function = _READERS[suffix]
+    read = getattr(importlib.import_module(f"ibfctl.surface.readers.{module}"), function)
+    chosen = {"array": array} if suffix in _WITH_ARRAYS else {}
+    with np.errstate(all="ignore"):  # what overflows is infinite, and refused as such
+        table: Table = read(path, quantity, pixel_mm, unit, **chosen)
+        _refuse_implausible(table, quantity, path)
     return table
 
 

@@ -17,6 +17,8 @@ from ibfctl.surface.readers.table import Table, check_size, square_pitch, unifor
 _COMMENT = "#"
 _MAX_HEADER_LINES = 100
 _MAX_LINE_LENGTH = 4096
+_MAX_BYTES = 64 * MAX_PIXELS
+_MAX_PIXELS_PER_POINT = 100
 
 
 @dataclass(frozen=True)
@@ -36,12 +38,19 @@ def read_xyz(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str |
     Without a header the columns are x, y and the value, and both the pixel size and the unit must be given.
     """
     where = f"{quantity.what} {path}"
+    if path.stat().st_size > _MAX_BYTES:
+        raise InputError(f"{where}: is larger than {_MAX_BYTES >> 30} GiB", "crop or bin the map")
     layout = _layout(_first_line(path, where), quantity, where)
     scale = quantity.scale(layout.value_unit, unit, where)
     rows = _rows(path, layout, where)
     x = uniform_axis(rows[:, 0], "x", where)
     y = uniform_axis(rows[:, 1], "y", where)
     check_size((y.size, x.size), where)
+    if y.size * x.size > _MAX_PIXELS_PER_POINT * rows.shape[0]:
+        raise InputError(
+            f"{where}: its {rows.shape[0]} points fill next to nothing of a grid of {y.size} x {x.size}",
+            "drop stray points, or interpolate the points to a uniform grid",
+        )
     pitch = square_pitch(x.pitch, y.pitch, where)
     declared_mm = None if layout.length_unit is None else pitch * length_scale(layout.length_unit, where)
     pixel_mm = quantity.pixel_mm(declared_mm, pixel_mm, where)
@@ -110,7 +119,6 @@ def _rows(path: Path, layout: _Layout, where: str) -> NDArray[np.float64]:
                 delimiter=layout.delimiter,
                 usecols=layout.columns,
                 ndmin=2,
-                max_rows=MAX_PIXELS + 1,
                 comments=_COMMENT,
             )
     except (ValueError, UnicodeDecodeError) as error:

@@ -1,4 +1,5 @@
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -105,11 +106,38 @@ def test_cut_and_foreign_files_are_refused(tmp_path: Path) -> None:
             read_map(path)
 
 
-def test_a_small_file_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
-    path = _save(tmp_path / "m.mat", _arrays())
+def test_a_small_file_that_unpacks_to_gigabytes_is_not_unpacked(tmp_path: Path) -> None:
+    def element(kind: int, content: bytes) -> bytes:
+        return struct.pack("<II", kind, len(content)) + content.ljust(-(-len(content) // 8) * 8, b"\0")
+
+    double, gigabytes = 6, 3 << 30
+    head = element(6, struct.pack("<II", double, 0)) + element(5, struct.pack("<ii", 4, 5)) + element(1, b"Z")
     packer = zlib.compressobj(9)
-    block = bytes(1 << 24)
-    packed = b"".join([*(packer.compress(block) for _ in range(40)), packer.flush()])
-    path.write_bytes(path.read_bytes() + struct.pack("<II", 15, len(packed)) + packed)
-    with pytest.raises(InputError, match="unpacks to more than 512 MiB"):
-        read_map(path)
+    matrix = struct.pack("<II", 14, len(head) + 8 + gigabytes) + head + struct.pack("<II", 9, gigabytes)
+    packed = b"".join([packer.compress(matrix), *(packer.compress(bytes(1 << 24)) for _ in range(20)), packer.flush()])
+    path = _save(tmp_path / "m.mat", {"A": np.ones(1)})
+    path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="is cut short"):
+            read_map(path, pixel_mm=1.0)
+        assert tracemalloc.get_traced_memory()[1] < 1 << 22
+    finally:
+        tracemalloc.stop()
+
+
+def test_what_else_the_file_holds_is_named(tmp_path: Path) -> None:
+    path = _save(tmp_path / "m.mat", {"Z": np.ones((3, 3)), "text": "abc", "cell": np.array([[1, "b"]], dtype=object)})
+    with pytest.raises(InputError, match="it holds Z, cell, text"):
+        read_map(path, array="absent")
+    with pytest.raises(InputError, match="real numbers"):
+        read_map(path, array="text")
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("dtype", ["f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4"])
+def test_every_kind_of_number(tmp_path: Path, dtype: str, compressed: bool) -> None:
+    path = tmp_path / "m.mat"
+    io.savemat(path, {"before": np.eye(3), "Z": np.arange(12).reshape(3, 4).astype(dtype)}, do_compression=compressed)
+    height_nm = read_map(path, pixel_mm=1.0, height_unit="nm").height_nm
+    np.testing.assert_array_equal(height_nm, np.arange(12.0).reshape(3, 4))

@@ -46,8 +46,8 @@ def test_a_formula_is_not_sampled_on_an_absurd_pitch(pixel_mm: float) -> None:
 
 
 def test_unknown_suffix_absent_file_and_folder_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"unknown kind of file '\.dat'"):
-        read_map(tmp_path / "m.dat")
+    with pytest.raises(InputError, match=r"unknown kind of file '\.docx'"):
+        read_map(tmp_path / "m.docx")
     with pytest.raises(InputError, match="cannot be read"):
         read_map(tmp_path / "absent.npz")
     (tmp_path / "folder.csv").mkdir()

@@ -92,6 +92,10 @@ def test_an_influence_function_must_be_centred_on_the_origin(tmp_path: Path) -> 
         (GRID.replace("0.5,0,2", "nan,0,2"), "no numbers"),
         (GRID.replace("0.5,0,2", "0.5,0,inf"), "infinite"),
         ("x_mm,y_mm,height_nm\n0,0,1\n0,1,2\n", "all points have the same x"),
+        (
+            "x_mm,y_mm,height_nm\n0,0,1\n1,1,2\n2,2,3\n8000,8000,4\n",
+            "its 4 points fill next to nothing of a grid of 8001 x 8001",
+        ),
         ("x_mm,y_mm,height_nm\n0,0,1\n1e-9,1e-9,1\n1e9,1e9,2\n1e9,0,2\n", "two values for one point"),
     ],
 )
