@@ -36,7 +36,7 @@ def a_host_at_work(plan_file: Path, bench: MachineDescription) -> Iterator[subpr
     script = (
         "import sys, threading; from pathlib import Path;"
         "from ibfctl.machine.description import MachineDescription; from ibfctl.planning.file import read_plan;"
-        "from ibfctl.runs.worker import run_program;"
+        "from ibfctl.runs.child_worker import run_program;"
         "machine = MachineDescription.model_validate_json(Path(sys.argv[1]).read_text());"
         "program = read_plan(Path(sys.argv[2])).program;"
         "run_program(program, machine, lambda line: print(line, flush=True), threading.Event())"

@@ -12,9 +12,9 @@ from typing import Any
 from ibfctl.jobs.run_file import write_run
 from ibfctl.planning.as_run import AsRun, as_run_figures
 from ibfctl.planning.plan import InputFile, Plan
+from ibfctl.runs.child_worker import run_program
 from ibfctl.runs.outcome import RunOutcome
 from ibfctl.runs.trace import RunTrace, read_emulator_trace
-from ibfctl.runs.worker import run_program
 
 Report = Callable[[str, float], None]
 

@@ -1,162 +1,158 @@
-"""One process per run: a job comes in on standard input, JSON lines with progress and result go out.
+"""The process of one run: it owns link, stream and journal, and lives on when the service does not.
 
-``python -m ibfctl.runs.worker`` reads one line of JSON (`Job`). A further line ``abort``, the end of
-standard input (a dead parent closes it) and SIGTERM abort the run. The lines that go out have an ``event``:
-``progress``, ``finished`` or ``failed``; the exit code is that of the error, or 0.
+``ibfctl.runs.launch.start_worker`` starts ``python -m ibfctl.runs.worker FOLDER LOCK CONTROL``: the folder of the run,
+and the descriptors of the lock that says that it lives and of the pipe that acts come through. SIGTERM aborts. The exit
+code is that of the run's error, or 0; everything else is in the journal, in the status, and in `run.h5`.
 """
 
 from __future__ import annotations
 
-import json
+import logging
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from ibfctl.errors import AbortedError, IbfctlError, InputError
+from ibfctl.errors import AbortedError, IbfctlError, RunError
 from ibfctl.machine.controller import MotionController
-from ibfctl.machine.description import MachineDescription, read_machine
-from ibfctl.machine.program import MotionProgram
+from ibfctl.machine.description import MachineDescription
 from ibfctl.planning.file import read_plan
+from ibfctl.planning.plan import Plan
+from ibfctl.runs.adoption import last_state
+from ibfctl.runs.control import Act, ControlReader
 from ibfctl.runs.drivers import connect
-from ibfctl.runs.emulator import emulated_controller
-from ibfctl.runs.outcome import RunOutcome, RunProgress
+from ibfctl.runs.job import Job, read_job
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.lock import MachineLock
+from ibfctl.runs.outcome import RunProgress
+from ibfctl.runs.places import PLAN, SIDE, journal_beside
+from ibfctl.runs.recorder import JournalWriter, absorb
+from ibfctl.runs.reporter import RunReporter
+from ibfctl.runs.states import RunState
+from ibfctl.runs.status import StatusWriter, read
 from ibfctl.runs.streamer import execute
 
-Report = Callable[[Mapping[str, object]], None]
+_log = logging.getLogger(__name__)
 
 
-class Job(BaseModel):
-    """What to run, and on what.
+def main(arguments: list[str] | None = None) -> int:
+    """Serve the run of a folder to its end; return the exit code."""
+    folder, lock, control = (arguments or sys.argv)[1:]
+    for descriptor in (int(lock), int(control)):
+        os.set_inheritable(descriptor, False)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    try:
+        job = read_job(Path(folder))
+        with Worker(Path(folder), job, int(control)) as worker:
+            return worker.run()
+    except IbfctlError as error:
+        _log.error("%s", error)
+        return error.exit_code
 
-    Attributes
+
+class Worker:
+    """The worker of one run.
+
+    Parameters
     ----------
-    plan
-        The plan file; it holds the program and the machine that it was planned for.
-    machine
-        Machine file to run with, where host or port have changed; the plan's own if not given.
-    trace
-        If given, an emulated controller is started for this run, and writes its trace there.
-    speed
-        Speed of that controller's clock.
+    folder, job
+        Of the run.
+    control
+        Descriptor of the pipe for acts.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    def __init__(self, folder: Path, job: Job, control: int) -> None:
+        self._folder = folder
+        self._job = job
+        self._abort = threading.Event()
+        with Journal.open(journal_beside(folder)) as journal:
+            absorb(journal, folder / SIDE)
+            state = last_state(journal, job.run)
+        shown = read(folder) or {"seq": 0}
+        always = {"run": job.run, "state": state, "simulated": job.simulated, "worker_pid": os.getpid()}
+        self._status = StatusWriter(folder, always, shown["seq"])
+        self._journal = JournalWriter(journal_beside(folder), job.run, folder / SIDE)
+        self._report = RunReporter(self._journal, self._status, state)
+        self._control = ControlReader(control, self._take, self._refuse)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: self._take({"act": "abort", "key": None, "by": "a signal"}))
 
-    plan: Path
-    machine: Path | None = None
-    trace: Path | None = None
-    speed: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    def __enter__(self) -> Worker:
+        return self
 
+    def __exit__(self, *_: object) -> None:
+        self._control.close()
+        self._journal.close()
+        self._status.close()
 
-def run_program(
-    program: MotionProgram,
-    machine: MachineDescription,
-    report: Report,
-    abort: threading.Event,
-    *,
-    trace: Path | None = None,
-    speed: float = 1.0,
-) -> RunOutcome:
-    """Connect, execute and disconnect, reporting progress; the arguments are those of `Job`.
+    def run(self) -> int:
+        """Take the machine, connect, execute; return the exit code."""
+        try:
+            with ExitStack() as resources:
+                plan = read_plan(self._folder / PLAN)
+                machine = self._job.machine(self._folder)
+                resources.enter_context(MachineLock(machine, f"run {self._job.run}"))
+                self._report("state", {"state": RunState.PREFLIGHT})
+                controller = connect(machine)
+                resources.callback(controller.close)
+                self._conduct(plan, machine, controller)
+        except IbfctlError as error:
+            _log.error("%s", error)
+            state = RunState.ABORTED if isinstance(error, AbortedError) else RunState.FAULTED
+            self._end(state, error)
+            return error.exit_code
+        except BaseException as error:
+            _log.exception("the worker failed")
+            self._end(RunState.FAULTED, RunError(f"the worker failed: {error!r}", "see worker.log in the run's folder"))
+            raise
+        return 0
 
-    Raises
-    ------
-    IbfctlError
-        As `connect`, `emulated_controller` and `execute`.
-    """
-    with ExitStack() as resources:
-        time_scale = 1.0
-        if trace is not None:
-            emulated = resources.enter_context(emulated_controller(trace, speed=speed))
-            machine, time_scale = emulated.in_place_of(machine), emulated.time_scale
-        if abort.is_set():
-            raise AbortedError("run aborted before the controller was connected")
-        controller: MotionController = connect(machine)
-        resources.callback(controller.close)
-        return execute(
-            program,
+    def _conduct(self, plan: Plan, machine: MachineDescription, controller: MotionController) -> None:
+        def on_progress(progress: RunProgress) -> None:
+            if self._report.state is RunState.PREFLIGHT:
+                for state in (RunState.MOVING_TO_START, RunState.ARMED, RunState.RUNNING):
+                    self._report("state", {"state": state})
+            self._report("progress", _fields(progress))
+
+        execute(
+            plan.program,
             machine,
             controller,
-            on_progress=lambda progress: report(_line_of(progress)),
-            abort=abort,
-            time_scale=time_scale,
+            on_progress=on_progress,
+            abort=self._abort,
+            time_scale=self._job.speed,
         )
+        self._report("state", {"state": RunState.FINISHING})
+        self._report("state", {"state": RunState.COMPLETED})
+
+    def _take(self, act: Act) -> None:
+        """Do at once what somebody asks for; noted is it afterwards."""
+        if act["act"] in ("stop", "abort", "estop"):
+            self._abort.set()
+        else:
+            self._refuse(f"act {act['act']!r} is not known")
+        self._report("act", act, act.get("key"))
+
+    def _refuse(self, what: str) -> None:
+        self._report("fault", {"code": "act", "message": f"refused: {what}"})
+
+    def _end(self, state: RunState, error: IbfctlError) -> None:
+        """Note how the run ended, unless it had ended before."""
+        if not self._report.ended:
+            told = {"state": state, "code": error.code, "reason": error.message, "hint": error.hint}
+            self._report("state", told)
 
 
-def main() -> int:
-    """Serve one job; return the exit code."""
-    abort = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: abort.set())
-    signal.signal(signal.SIGINT, lambda *_: abort.set())
-    lines = _StandardInput()
-    try:
-        job = _parse(lines.next() or "")
-        threading.Thread(target=_watch, args=(lines, abort), name="run-commands", daemon=True).start()
-        plan = read_plan(job.plan)
-        machine = plan.machine if job.machine is None else read_machine(job.machine)
-        outcome = run_program(plan.program, machine, _print, abort, trace=job.trace, speed=job.speed)
-    except IbfctlError as error:
-        _print({"event": "failed", "code": error.code, "message": error.message, "hint": error.hint})
-        return error.exit_code
-    _print({"event": "finished", **asdict(outcome)})
-    return 0
-
-
-class _StandardInput:
-    """Lines from file descriptor 0, without the buffer whose lock a waiting daemon thread would hold."""
-
-    def __init__(self) -> None:
-        self._received = b""
-
-    def next(self) -> str | None:
-        """Return the next line, None at the end."""
-        while b"\n" not in self._received:
-            chunk = os.read(0, 4096)
-            if not chunk:
-                return None
-            self._received += chunk
-        line, self._received = self._received.split(b"\n", 1)
-        return line.decode("utf-8", "replace")
-
-
-def _watch(lines: _StandardInput, abort: threading.Event) -> None:
-    while lines.next() not in ("abort", None):
-        pass
-    abort.set()
-
-
-def _parse(line: str) -> Job:
-    try:
-        return Job.model_validate_json(line)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the line"
-        hint = "give one line of JSON with plan, machine, trace and speed"
-        raise InputError(f"job: {place}: {first['msg']}", hint) from error
-
-
-def _line_of(progress: RunProgress) -> dict[str, object]:
-    gate = "open" if progress.gate_open else "closed"
+def _fields(progress: RunProgress) -> dict[str, object]:
     return {
-        "event": "progress",
-        "segment": progress.sent,
+        "sent": progress.sent,
         "executed": progress.executed,
         "total": progress.total,
-        "margin_s": round(progress.margin_s, 3),
-        "gate": gate,
+        "margin_s": progress.margin_s,
+        "gate": "open" if progress.gate_open else "closed",
     }
-
-
-def _print(line: Mapping[str, object]) -> None:
-    print(json.dumps(line), flush=True)
 
 
 if __name__ == "__main__":

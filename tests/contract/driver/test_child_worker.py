@@ -28,7 +28,7 @@ def plan_file(tmp_path: Path) -> Path:
 def work(
     job: dict[str, object], and_then: Callable[[subprocess.Popen[str]], None] = lambda _: None
 ) -> tuple[int, list[dict[str, object]]]:
-    command = [sys.executable, "-m", "ibfctl.runs.worker"]
+    command = [sys.executable, "-m", "ibfctl.runs.child_worker"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdin is not None
         assert process.stdout is not None

@@ -1,0 +1,85 @@
+"""Where all that a run tells goes: states are checked, everything is recorded, the status is shown."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ibfctl.runs.recorder import JournalWriter
+from ibfctl.runs.states import TERMINAL, RunState, check
+from ibfctl.runs.status import StatusWriter
+
+PROGRESS_S = 1.0
+LEG_PATIENCE_S = 2.0
+
+
+class RunReporter:
+    """Takes what a run reports, from any thread; it waits for nothing but the record of a new leg.
+
+    Parameters
+    ----------
+    journal, status
+        Where it goes.
+    state
+        The state that the run is in.
+
+    Attributes
+    ----------
+    state
+        The last state that was reported.
+    """
+
+    def __init__(self, journal: JournalWriter, status: StatusWriter, state: RunState) -> None:
+        self._journal = journal
+        self._status = status
+        self._lock = threading.Lock()
+        self._recorded_at = -float("inf")
+        self.state = state
+
+    def __call__(self, kind: str, data: Mapping[str, Any], key: str | None = None) -> None:
+        """Take one report.
+
+        Parameters
+        ----------
+        kind
+            ``state`` (with ``state``, and ``reason`` and ``hint`` where there are any), ``progress`` (fields of the
+            status; recorded once a second), ``leg`` (before it begins), ``act``, ``fault``, ``interlock``.
+        data
+            What happened.
+        key
+            Id of the key of whoever caused it.
+
+        Raises
+        ------
+        RunError
+            If a state may not follow the last one.
+        """
+        if kind == "state":
+            self._take_state(data, key)
+        elif kind == "progress":
+            self._status.tell(**data, journal_ok=self._journal.ok)
+            now = time.monotonic()
+            if now >= self._recorded_at + PROGRESS_S:
+                self._recorded_at = now
+                self._journal.record(kind, data)
+        else:
+            self._journal.record(kind, data, key)
+        if kind == "leg":
+            # Recovery must know which motion the controller's counts are of. The gate is closed and the axes stand,
+            # so waiting does no harm; a journal that fails holds the run up no longer than this.
+            self._journal.flush(LEG_PATIENCE_S)
+
+    def _take_state(self, data: Mapping[str, Any], key: str | None) -> None:
+        with self._lock:
+            new = RunState(data["state"])
+            check(self.state, new)
+            self.state = new
+            self._journal.record("state", data, key)
+        self._status.tell(state=new, reason=data.get("reason"), hint=data.get("hint"))
+
+    @property
+    def ended(self) -> bool:
+        """Whether the run is over."""
+        return self.state in TERMINAL

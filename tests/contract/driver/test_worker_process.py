@@ -1,0 +1,126 @@
+"""The worker of a run as a process: it needs nobody, hears acts, and leaves a record whatever it dies of."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.plans import plan_of
+from support.programs import program
+
+from ibfctl.errors import RunError
+from ibfctl.machine.shipped import shipped_machine
+from ibfctl.planning.file import write_plan
+from ibfctl.runs import control, status
+from ibfctl.runs.adoption import has_worker, interrupt_orphans
+from ibfctl.runs.detached_emulator import DetachedEmulator
+from ibfctl.runs.job import Address, Job, prepare, read_job
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.launch import start_worker
+from ibfctl.runs.lock import MachineLock
+from ibfctl.runs.places import journal_path
+
+PATIENCE_S = 30.0
+SPEED = 50.0
+
+
+@pytest.fixture(scope="module")
+def emulator(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DetachedEmulator]:
+    started = DetachedEmulator.start_or_adopt(tmp_path_factory.mktemp("emulator"), speed=SPEED)
+    yield started
+    started.end()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, emulator: DetachedEmulator) -> Path:
+    write_plan(plan_of(program(900)), tmp_path / "plan.h5")
+    address = Address(host=emulator.controller.host, port=emulator.controller.port)
+    job = Job(run="r1", operator="ann", key="k1", simulated=True, speed=SPEED, address=address)
+    machine = tmp_path / "machine.toml"
+    text = shipped_machine("simulator").read_text().replace("counts_per_mm = 10000", "counts_per_mm = 1000")
+    machine.write_text(text.replace("approach_speed_mm_s = 20.0", "approach_speed_mm_s = 50.0"))
+    return prepare(tmp_path, job, tmp_path / "plan.h5", machine)
+
+
+@pytest.fixture
+def worker(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    process = start_worker(folder)
+    yield process
+    process.kill()
+    process.wait()
+
+
+def until_status(folder: Path, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        shown = status.read(folder)
+        if shown is not None and condition(shown):
+            return shown
+        time.sleep(0.005)
+    pytest.fail(f"status is still {shown}; {(folder / 'worker.log').read_text()}")
+
+
+def states(folder: Path) -> list[str]:
+    with Journal.open(journal_path(folder.parent.parent)) as journal:
+        return [event.data["state"] for event in journal.events(run="r1", kind="state")]
+
+
+def test_a_run_needs_nobody_and_is_recorded(folder: Path, worker: subprocess.Popen[bytes]) -> None:
+    assert has_worker(folder)
+    with pytest.raises(RunError, match="has a worker already"):
+        start_worker(folder)
+    assert os.getsid(worker.pid) == worker.pid
+    assert worker.wait(PATIENCE_S) == 0, (folder / "worker.log").read_text()
+    assert not has_worker(folder)
+    assert states(folder) == ["queued", "preflight", "moving_to_start", "armed", "running", "finishing", "completed"]
+    shown = status.read(folder)
+    assert shown is not None
+    assert (shown["run"], shown["state"], shown["executed"], shown["gate"]) == ("r1", "completed", 900, "closed")
+    assert shown["journal_ok"] is True
+
+
+def test_an_act_sent_before_the_worker_looks_is_not_lost(folder: Path, worker: subprocess.Popen[bytes]) -> None:
+    control.send(folder, {"act": "abort", "key": "k2"})
+    assert worker.wait(PATIENCE_S) == 7
+    assert states(folder)[-1] == "aborted"
+    with Journal.open(journal_path(folder.parent.parent)) as journal:
+        (act,) = journal.events(run="r1", kind="act")
+    assert (act.key, act.data["act"]) == ("k2", "abort")
+    with pytest.raises(RunError, match="has no worker"):
+        control.send(folder, {"act": "abort"})
+
+
+def test_sigterm_aborts(folder: Path, worker: subprocess.Popen[bytes]) -> None:
+    until_status(folder, lambda shown: shown.get("executed", 0) > 20)
+    worker.terminate()
+    assert worker.wait(PATIENCE_S) == 7
+    shown = until_status(folder, lambda shown: shown["state"] == "aborted")
+    assert shown["reason"]
+    assert states(folder)[-2:] == ["running", "aborted"]
+
+
+def test_after_kill_9_the_run_is_found_interrupted_and_the_machine_is_free(
+    folder: Path, worker: subprocess.Popen[bytes]
+) -> None:
+    until_status(folder, lambda shown: shown.get("executed", 0) > 20)
+    os.kill(worker.pid, signal.SIGKILL)
+    worker.wait(PATIENCE_S)
+    assert not has_worker(folder)
+    assert interrupt_orphans(folder.parent.parent) == [folder]
+    assert states(folder)[-2:] == ["running", "interrupted"]
+
+
+def test_one_machine_has_one_run(folder: Path) -> None:
+    with MachineLock(read_job(folder).machine(folder), "run r0"), start_worker(folder) as worker:
+        assert worker.wait(PATIENCE_S) == 6
+    shown = status.read(folder)
+    assert shown is not None
+    assert shown["state"] == "faulted"
+    assert "in use by run r0" in shown["reason"]
+    assert states(folder) == ["queued", "faulted"]
