@@ -10,8 +10,10 @@ from fastapi import FastAPI
 from ibfctl import __version__
 from ibfctl.service import problems
 from ibfctl.service.access import Access
+from ibfctl.service.conditional import Conditional
 from ibfctl.service.keys import KeyRing
-from ibfctl.service.routers import influences, info, maps, plans, runs
+from ibfctl.service.metrics import Measured, Requests
+from ibfctl.service.routers import influences, info, machines, maps, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
 
@@ -20,12 +22,13 @@ def create_app(settings: Settings) -> FastAPI:
     """Make the application of one service.
 
     It does no numerics and moves no stage: both happen in processes of their own, so that it answers at once.
-    Interactive API pages are left out because theirs come from a content network; /openapi.json is served.
+    FastAPI's own pages fetch from a content network; the one under /docs is the service's own.
     """
+    measured = Requests()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.service = State(settings)
+        app.state.service = State(settings, measured)
         try:
             yield
         finally:
@@ -40,8 +43,10 @@ def create_app(settings: Settings) -> FastAPI:
         redoc_url=None,
     )
     problems.install(app)
+    app.add_middleware(Conditional)
     app.add_middleware(Access, keys=KeyRing(settings.data))
-    for module in (maps, influences, plans, runs, info):
+    app.add_middleware(Measured, requests=measured)
+    for module in (maps, influences, machines, plans, runs, info):
         app.include_router(module.router, prefix="/v1")
     app.include_router(info.health)
     return app

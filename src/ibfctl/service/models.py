@@ -6,6 +6,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ibfctl.machine.description import MachineDescription
 from ibfctl.service.problems import Problem
 
 Item = TypeVar("Item")
@@ -71,6 +72,13 @@ class InfluenceRecord(Resource):
     formula: str | None = None
     given: dict[str, Any]
     figures: InfluenceFigures
+
+
+class MachineRecord(Resource):
+    """A machine file: limits, servo, beam gate, and where the controller listens."""
+
+    sha256: str
+    machine: MachineDescription
 
 
 class PlanProgress(BaseModel):
@@ -151,3 +159,9 @@ class Info(BaseModel):
     machine: Annotated[str, Field(description="Name in the machine file.")]
     simulated: Annotated[bool, Field(description="Whether runs go to emulated controllers.")]
     running: Annotated[list[str], Field(description="Ids of the runs under way.")]
+
+
+class Health(BaseModel):
+    """That the service answers."""
+
+    status: Literal["ok"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Mapping
 from http import HTTPStatus
@@ -16,6 +17,7 @@ from starlette.exceptions import HTTPException
 from ibfctl.errors import IbfctlError
 
 MEDIA_TYPE = "application/problem+json"
+_STATUS = {"bad_input": 422, "limits": 422, "solver": 422, "controller": 502, "link": 502}
 _CODES = {404: "not_found", 405: "method_not_allowed", 409: "conflict", 413: "too_large"}
 
 _CORRECT = "correct the request; GET /openapi.json describes it"
@@ -62,6 +64,16 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(ServiceError)
     async def refused(request: Request, error: ServiceError) -> JSONResponse:
         return _answer(problem(error.status, error.kind, error.message, error.hint))
+
+    @app.exception_handler(IbfctlError)
+    async def failed(request: Request, error: IbfctlError) -> JSONResponse:
+        return _answer(problem(_STATUS.get(error.code, 409), error.code, error.message, error.hint))
+
+    @app.exception_handler(Exception)
+    async def broken(request: Request, error: Exception) -> JSONResponse:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return _answer(problem(507, "disk_full", "the service's disk is full", "make room in its data folder"))
+        return _answer(problem(500, "internal", "the service has failed to answer", "see the service's log"))
 
     @app.exception_handler(HTTPException)
     async def unknown(request: Request, error: HTTPException) -> JSONResponse:

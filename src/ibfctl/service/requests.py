@@ -12,7 +12,7 @@ from ibfctl.service.children import TASKS, Child
 from ibfctl.service.problems import MEDIA_TYPE, Problem, ServiceError
 from ibfctl.service.store import Collection, Record
 
-Key = Annotated[
+IdempotencyKey = Annotated[
     str | None,
     Header(
         alias="Idempotency-Key",
@@ -30,15 +30,17 @@ _MEANINGS = {
     403: "The key's role does not allow this; without keys: the request comes from another computer or a foreign page.",
     404: "There is no such resource.",
     409: "Not now, or not so: the problem says why.",
+    412: "If-Match was given, and the resource has changed.",
     413: "The body is larger than the service accepts.",
     422: "The request cannot be carried out as it is.",
+    503: "The service cannot take on work; the problem says why.",
 }
 
 
-def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Describe the problems that an operation may answer, for its documentation."""
+def refusals(*statuses: int, also: tuple[int, ...] = (401, 403, 422)) -> dict[int | str, dict[str, Any]]:
+    """Describe the problems that an operation may answer, for its documentation; `also` those of nearly all."""
     content = {MEDIA_TYPE: {"schema": Problem.model_json_schema()}}
-    return {status: {"description": _MEANINGS[status], "content": content} for status in (401, 403, 422, *statuses)}
+    return {status: {"description": _MEANINGS[status], "content": content} for status in (*also, *statuses)}
 
 
 def page(collection: Collection, limit: int, after: str | None, show: Callable[[Record], Record]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, cast
 from fastapi import Depends, Request
 
 from ibfctl.service.children import Child
+from ibfctl.service.metrics import Metric, Requests
 from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection
@@ -20,12 +21,14 @@ ENDED_WITH_SERVICE = problem(503, "interrupted", "the service ended before this 
 class State:
     """The store, the work under way, and the settings of one service."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, requests: Requests) -> None:
         self.settings = settings
         self.maps = Collection(settings.data, "maps")
         self.influences = Collection(settings.data, "influences")
+        self.machines = Collection(settings.data, "machines")
         self.plans = Collection(settings.data, "plans")
         self.runs = Collection(settings.data, "runs")
+        self.requests = requests
         self.starting_run = asyncio.Lock()
         self.planners = asyncio.Semaphore(len(os.sched_getaffinity(0)))
         self.progress: dict[str, dict[str, Any]] = {}
@@ -48,6 +51,12 @@ class State:
         for task in self._work:
             task.cancel()
         await asyncio.gather(*self._work, return_exceptions=True)
+
+    def metrics(self) -> list[Metric]:
+        """Return figures of the work under way."""
+        return [
+            Metric("ibfctl_plans_under_way", "gauge", "Plans queued or being solved.", [({}, len(self._work))]),
+        ]
 
     def upload_of(self, collection: Collection, identity: str) -> str:
         """Return the path of the file that was uploaded for a resource."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import resource
 import sys
 import threading
 from collections.abc import Callable
@@ -26,7 +25,6 @@ from ibfctl.jobs.inputs import InfluenceFile, MapFile
 
 Arguments = dict[str, Any]
 _NICENESS = 5
-_INSPECTION_BYTES = 8 << 30
 
 
 def inspect_map(arguments: Arguments) -> Arguments:
@@ -179,17 +177,11 @@ TASKS: dict[str, Callable[[Arguments], Arguments]] = {
 def main() -> int:
     """Do one task; return the exit code."""
     arguments = cast(Arguments, json.loads(sys.stdin.readline()))
-    if sys.argv[1].startswith("inspect"):  # a small archive may unpack to any size
-        resource.setrlimit(resource.RLIMIT_AS, (_INSPECTION_BYTES, _INSPECTION_BYTES))
     try:
         figures = TASKS[sys.argv[1]](arguments)
     except IbfctlError as error:
         _print("failed", code=error.code, message=error.message, hint=error.hint)
         return error.exit_code
-    except MemoryError:
-        hint = "crop or bin it, or give the service more memory"
-        _print("failed", code="too_large", message="the input does not fit into memory", hint=hint)
-        return 1
     _print("finished", figures=figures)
     return 0
 

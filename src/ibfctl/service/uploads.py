@@ -8,13 +8,13 @@ from typing import Any, Literal
 
 from fastapi import Request
 
+from ibfctl.service.bodies import content_of
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.problems import ServiceError
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection, Record, fingerprint_of
 
 Format = Literal["npz", "mat", "csv", "xyz", "dat", "fits", "tif"]
-BODY = {"requestBody": {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}}
 
 
 async def store_upload(
@@ -80,10 +80,8 @@ async def _receive(request: Request, path: Path, limit: int) -> tuple[int, str]:
     digest = hashlib.sha256()
     size = 0
     with path.open("wb") as stream:
-        async for chunk in request.stream():
-            size += len(chunk)
-            if size > limit:
-                raise ServiceError(413, f"body is larger than {limit} bytes", "crop or bin the map")
-            digest.update(chunk)
-            stream.write(chunk)
+        async for piece in content_of(request, limit):
+            size += len(piece)
+            digest.update(piece)
+            stream.write(piece)
     return size, digest.hexdigest()

@@ -6,12 +6,13 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
 
+from ibfctl.service.bodies import BODY
 from ibfctl.service.models import InfluenceRecord, Page
 from ibfctl.service.problems import ServiceError
-from ibfctl.service.requests import After, Identity, Key, Limit, linked, page, refusals
+from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, linked, page, refusals
 from ibfctl.service.state import Service
 from ibfctl.service.store import Record, fingerprint_of
-from ibfctl.service.uploads import BODY, Format, inspect, store_upload
+from ibfctl.service.uploads import Format, inspect, store_upload
 
 router = APIRouter(prefix="/influences", tags=["influences"])
 _FORMULA = "gaussian:"
@@ -34,7 +35,7 @@ async def add_influence(
     ] = None,
     pixel_mm: Annotated[float | None, Query(description="Pixel size where the file does not say it.")] = None,
     unit: Annotated[str | None, Query(description="Unit of rates where the file does not say it.")] = None,
-    key: Key = None,
+    key: IdempotencyKey = None,
 ) -> Record:
     """Upload an influence function as the raw body, or give a formula; answers its id and figures."""
     given = {"pixel_mm": pixel_mm, "unit": unit}
@@ -67,7 +68,7 @@ async def show_influence(identity: Identity, service: Service) -> Record:
     return linked(service.influences, service.influences.read(identity))
 
 
-@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409, 412))
 async def delete_influence(identity: Identity, service: Service) -> None:
     """Delete an influence function that no plan refers to."""
     service.influences.read(identity)

@@ -7,11 +7,12 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse
 
+from ibfctl.service.bodies import BODY
 from ibfctl.service.models import MapRecord, Page
-from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
+from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.state import Service
 from ibfctl.service.store import Record
-from ibfctl.service.uploads import BODY, Format, store_upload
+from ibfctl.service.uploads import Format, store_upload
 
 router = APIRouter(prefix="/maps", tags=["maps"])
 _FILES = ("preview.png",)
@@ -25,7 +26,7 @@ async def add_map(
     pixel_mm: Annotated[float | None, Query(description="Pixel size where the file does not say it.")] = None,
     unit: Annotated[str | None, Query(description="Unit of heights where the file does not say it.")] = None,
     array: Annotated[str | None, Query(description="Array of a .mat file; default Z_to_remove, else Z.")] = None,
-    key: Key = None,
+    key: IdempotencyKey = None,
 ) -> Record:
     """Upload a map as the raw body; answers its id and figures."""
     given = {"pixel_mm": pixel_mm, "unit": unit, "array": array}
@@ -52,7 +53,7 @@ async def preview_map(identity: Identity, service: Service) -> FileResponse:
     return await file_on_demand(service.maps, identity, "preview.png", "preview-map", {"map": source})
 
 
-@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409, 412))
 async def delete_map(identity: Identity, service: Service) -> None:
     """Delete a map that no plan refers to."""
     service.maps.read(identity)

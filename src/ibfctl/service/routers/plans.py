@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
 
 from fastapi import APIRouter, Response
@@ -11,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.models import Page, PlanRecord
 from ibfctl.service.problems import ServiceError, problem
-from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
+from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
+from ibfctl.service.routers.machines import MACHINE_FILE
 from ibfctl.service.state import Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
@@ -57,6 +59,7 @@ class PlanRequest(BaseModel):
 
     map_id: str
     influence_id: str
+    machine_id: Annotated[str | None, Field(description="Machine to plan for; default: the service's own.")] = None
     path: Literal["raster", "maze"] = "raster"
     seed: Annotated[int, Field(ge=0)] = 0
     pitch_mm: Positive = 0.5
@@ -97,7 +100,7 @@ class PlanRequest(BaseModel):
 @router.post(
     "", status_code=202, response_model=PlanRecord, response_model_exclude_none=True, responses=refusals(404, 409)
 )
-async def start_plan(request: PlanRequest, response: Response, service: Service, key: Key = None) -> Record:
+async def start_plan(request: PlanRequest, response: Response, service: Service, key: IdempotencyKey = None) -> Record:
     """Start planning for the machine of the service; `Location` is where progress and result appear."""
     fingerprint = fingerprint_of(request.model_dump())
     record = service.plans.recall(key, fingerprint)
@@ -148,7 +151,7 @@ async def get_plan_file(identity: Identity, name: PlanFile, service: Service) ->
     return await file_on_demand(service.plans, identity, name, "plan-files", {"plan": plan})
 
 
-@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409, 412))
 async def delete_plan(identity: Identity, service: Service) -> None:
     """Delete a plan that is over and that no run refers to."""
     if service.plans.read(identity)["state"] in ("queued", "running"):
@@ -166,18 +169,25 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     """Return the arguments of the task that solves a plan, without its output."""
     surface, influence = service.maps.read(request.map_id), service.influences.read(request.influence_id)
     aim = {"margin", "max_time_s", "max_residual_nm"}
-    options = request.model_dump(exclude={"map_id", "influence_id", "clear_aperture_mm", *aim})
+    options = request.model_dump(exclude={"map_id", "influence_id", "machine_id", "clear_aperture_mm", *aim})
     tool = influence.get("formula") or service.upload_of(service.influences, influence["id"])
     return {
         "map": {"path": service.upload_of(service.maps, surface["id"]), **surface["given"]},
         "influence": {"spec": tool, **influence["given"]},
-        "machine": str(service.settings.machine),
+        "machine": str(_machine(request, service)),
         "options": {
             **options,
             "clear_aperture": request.model_dump(include={"clear_aperture_mm"})["clear_aperture_mm"],
             "aim": request.model_dump(include=aim, exclude_none=True),
         },
     }
+
+
+def _machine(request: PlanRequest, service: State) -> Path:
+    """Return the path of the machine file to plan for."""
+    if request.machine_id is None:
+        return service.settings.machine
+    return service.machines.path(service.machines.read(request.machine_id)["id"], MACHINE_FILE)
 
 
 async def _solve(service: State, identity: str, arguments: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from ibfctl.service.children import RUN_WORKER, TASKS, Child
 from ibfctl.service.models import Page, RunRecord
 from ibfctl.service.problems import ServiceError, problem
-from ibfctl.service.requests import After, Identity, Key, Limit, file_on_demand, linked, page, refusals
+from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.state import ENDED_WITH_SERVICE, Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
@@ -32,7 +32,7 @@ class RunRequest(BaseModel):
 @router.post(
     "", status_code=202, response_model=RunRecord, response_model_exclude_none=True, responses=refusals(404, 409)
 )
-async def start_run(request: RunRequest, response: Response, service: Service, key: Key = None) -> Record:
+async def start_run(request: RunRequest, response: Response, service: Service, key: IdempotencyKey = None) -> Record:
     """Stream a plan to the controller of the machine file, or to an emulated one."""
     fingerprint = fingerprint_of(request.model_dump())
     async with service.starting_run:
@@ -83,7 +83,7 @@ async def get_run_file(identity: Identity, name: RunFile, service: Service) -> F
     return await file_on_demand(service.runs, identity, name, "run-files", arguments)
 
 
-@router.delete("/{identity}", status_code=204, responses=refusals(404, 409))
+@router.delete("/{identity}", status_code=204, responses=refusals(404, 409, 412))
 async def delete_run(identity: Identity, service: Service) -> None:
     """Delete a run that is over."""
     service.runs.read(identity)
