@@ -15,7 +15,7 @@ Pair = tuple[FloatArray, FloatArray]
 # Share of every limit kept free for the tolerance of the solver.
 SOLVER_MARGIN = 2e-3
 _TOLERANCE = 2e-4
-_ITERATIONS = 1000
+_ITERATIONS = 250
 
 _HAS_ANSWER = (
     osqp.SolverStatus.OSQP_SOLVED,
@@ -47,34 +47,24 @@ def solve_programme(
     pair of (n + 1,) float64
         `held_mm_s` with the wanted nodes replaced; at rest there without an answer from the solver.
     """
-    axes = [_Columns(task, time_s, held, wanted) for task, held in zip(tasks, held_mm_s, strict=True)]
-    widths = [axis.width for axis in axes]
-    if not any(widths):
+    columns = _Columns(tasks, time_s, held_mm_s, wanted)
+    if not columns.width:
         return held_mm_s
-    quadratic, linear, rows, lower, upper = [], [], [], [], []
-    for index, axis in enumerate(axes):
-        jumps, constant = axis.jump_rows()
-        quadratic.append(jumps.T @ jumps)
-        linear.append(jumps.T @ constant)
-        for block, low, high in axis.limit_rows():
-            padding = [sparse.csr_array((block.shape[0], width)) for width in widths]
-            padding[index] = block
-            rows.append(sparse.hstack(padding, format="csr"))
-            lower.append(low)
-            upper.append(high)
-    for block, low, high in _corridor_rows(axes, corridor_mm):
-        rows.append(block)
-        lower.append(low)
-        upper.append(high)
-    objective = sparse.block_diag(quadratic, format="csc")
+    jumps, limits = _Rows(columns), _Rows(columns)
+    for axis in (0, 1):
+        _add_jumps(jumps, axis)
+        _add_limits(limits, axis)
+    _add_corridor(limits, corridor_mm)
+    rows, constant = jumps.matrix(), np.concatenate(jumps.held)
+    objective = sparse.csc_matrix(rows.T @ rows)
     weight = 1 / max(float(objective.diagonal().mean()), 1e-300)
-    solver = osqp.OSQP()
+    solver = osqp.OSQP(algebra="builtin")
     solver.setup(
-        _for_osqp(sparse.triu(weight * objective)),
-        weight * np.concatenate(linear),
-        _for_osqp(sparse.vstack(rows)),
-        np.concatenate(lower),
-        np.concatenate(upper),
+        sparse.triu(weight * objective, format="csc"),
+        weight * (rows.T @ constant),
+        limits.matrix(),
+        np.concatenate(limits.lower),
+        np.concatenate(limits.upper),
         verbose=False,
         eps_abs=_TOLERANCE,
         eps_rel=_TOLERANCE,
@@ -85,10 +75,10 @@ def solve_programme(
         polishing=False,
     )
     result = solver.solve(raise_error=False)
-    answer = np.zeros(sum(widths))
+    answer = np.zeros(columns.width)
     if result.info.status_val in _HAS_ANSWER and np.isfinite(result.x).all():
         answer = np.maximum(np.asarray(result.x, dtype=np.float64), 0.0)
-    return axes[0].filled(answer[: widths[0]]), axes[1].filled(answer[widths[0] :])
+    return columns.filled(answer)
 
 
 def acceleration_jumps(
@@ -108,117 +98,133 @@ def acceleration_jumps(
 
 
 class _Columns:
-    """The wanted nodes of one axis as columns of the programme, each in units of its local mean speed."""
+    """The wanted nodes of both axes as columns of the programme, each in units of its local mean speed."""
 
-    def __init__(self, task: AxisTask, time_s: FloatArray, held_mm_s: FloatArray, wanted: NDArray[np.bool_]) -> None:
-        self.task, self.time_s = task, time_s
-        self.free = task.free & wanted
-        self.nodes = np.flatnonzero(self.free)
-        self.width = self.nodes.size
-        mean = (task.move_mm[1:] + task.move_mm[:-1]) / (time_s[1:] + time_s[:-1])
-        self.scale = mean[self.nodes - 1]
-        self._held = np.where(self.free, 0.0, held_mm_s)
-        self._column = np.cumsum(self.free) - 1
+    def __init__(self, tasks: Tasks, time_s: FloatArray, held_mm_s: Pair, wanted: NDArray[np.bool_]) -> None:
+        self.tasks, self.time_s = tasks, time_s
+        self.free = tasks[0].free & wanted, tasks[1].free & wanted
+        self.held = tuple(np.where(free, 0.0, held) for free, held in zip(self.free, held_mm_s, strict=True))
+        first = int(self.free[0].sum())
+        self.width = first + int(self.free[1].sum())
+        self.column = np.cumsum(self.free[0]) - 1, first + np.cumsum(self.free[1]) - 1
+        self.unit = tuple(self._mean_speed(task) for task in tasks)
 
-    def filled(self, answer: FloatArray) -> FloatArray:
-        """Velocities of all nodes (n + 1,) with `answer` (width,) at the wanted ones."""
-        velocity = self._held.copy()
-        velocity[self.nodes] = answer * self.scale
+    def _mean_speed(self, task: AxisTask) -> FloatArray:
+        """Mean speeds (n + 1,) of one axis around the nodes."""
+        speed = np.zeros(self.time_s.size + 1)
+        speed[1:-1] = (task.move_mm[1:] + task.move_mm[:-1]) / (self.time_s[1:] + self.time_s[:-1])
+        return speed
+
+    def filled(self, answer: FloatArray) -> Pair:
+        """Velocities of all nodes (n + 1,) of both axes with `answer` (width,) at the wanted ones."""
+        velocity = self.held[0].copy(), self.held[1].copy()
+        for axis in (0, 1):
+            free = self.free[axis]
+            velocity[axis][free] = answer[self.column[axis][free]] * self.unit[axis][free]
         return velocity
 
-    def rows(self, *entries: tuple[NDArray[np.int64], FloatArray]) -> tuple[sparse.csr_array, FloatArray]:
-        """Rows of sums of velocities: pairs of nodes (r,) and coefficients (r,); and what the held nodes add, (r,)."""
-        size = entries[0][0].size
-        constant = np.zeros(size)
-        values, places, columns = [], [], []
-        for node, coefficient in entries:
-            constant += coefficient * self._held[node]
-            free = np.flatnonzero(self.free[node])
-            column = self._column[node[free]]
-            values.append(coefficient[free] * self.scale[column])
-            places.append(free)
-            columns.append(column)
-        parts = np.concatenate(values), (np.concatenate(places), np.concatenate(columns))
-        return sparse.csr_array(parts, shape=(size, self.width)), constant
 
-    def jump_rows(self) -> tuple[sparse.csr_array, FloatArray]:
-        """Acceleration jumps at the nodes that a wanted one touches, with their constant part."""
-        touched = self.free.copy()
-        touched[1:] |= self.free[:-1]
-        touched[:-1] |= self.free[1:]
-        node = np.flatnonzero(touched)
-        before, here, after, constant = acceleration_jumps(self.task.move_mm, self.time_s)
-        last = self.free.size - 1
-        matrix, held = self.rows(
-            (np.maximum(node - 1, 0), before[node]), (node, here[node]), (np.minimum(node + 1, last), after[node])
-        )
-        return matrix, held + constant[node]
+class _Rows:
+    """Rows of a sparse matrix over the columns, collected entry by entry; what the held nodes add is kept apart."""
 
-    def limit_rows(self) -> list[tuple[sparse.csr_array, FloatArray, FloatArray]]:
-        """Rows (block, lower, upper) of the axis' limits, all of order one."""
-        task = self.task
-        moving = np.flatnonzero(self.free[:-1] | self.free[1:])
-        move, h = task.move_mm[moving], self.time_s[moving]
-        mean = move / h
-        # Rounding towards zero moves a velocity by up to one step, an acceleration by up to six of them over h.
-        step = task.resolution_mm_s
-        limit = np.maximum(task.a_max_mm_s2 - 6 * step / h, 0.5 * task.a_max_mm_s2) * (1 - SOLVER_MARGIN)
-        v_max = max(task.v_max_mm_s - 2 * step, 0.5 * task.v_max_mm_s) * (1 - SOLVER_MARGIN)
-        pull = 6 * move / h**2 / limit
+    def __init__(self, columns: _Columns) -> None:
+        self.columns = columns
+        self.lower: list[FloatArray] = []
+        self.upper: list[FloatArray] = []
+        self.held: list[FloatArray] = []
+        self._entries: list[tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]] = []
+        self._count = 0
 
-        def between(
-            first: FloatArray, second: FloatArray, low: FloatArray, high: FloatArray
-        ) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
-            block, held = self.rows((moving, first), (moving + 1, second))
-            return block, low - held, high - held
+    def add(
+        self,
+        *entries: tuple[int, NDArray[np.int64], FloatArray],
+        lower: FloatArray | float = 0.0,
+        upper: FloatArray | float = 0.0,
+    ) -> None:
+        """Add r rows, each a sum over `entries` (axis, nodes (r,), coefficients (r,)), with its bounds."""
+        size, columns = entries[0][1].size, self.columns
+        held = np.zeros(size)
+        for axis, node, coefficient in entries:
+            held += coefficient * columns.held[axis][node]
+            free = np.flatnonzero(columns.free[axis][node])
+            at = node[free]
+            values = coefficient[free] * columns.unit[axis][at]
+            self._entries.append((values, self._count + free, columns.column[axis][at]))
+        self._count += size
+        self.held.append(held)
+        self.lower.append(lower - held)
+        self.upper.append(upper - held)
 
-        found = [
-            between(-4 / h / limit, -2 / h / limit, -1 - pull, 1 - pull),
-            between(2 / h / limit, 4 / h / limit, -1 + pull, 1 + pull),
-            # Middle Bernstein coefficient of the velocity over the mean speed: neither reversal nor overspeed.
-            between(
-                -1 / mean,
-                -1 / mean,
-                np.minimum(SOLVER_MARGIN + 2 * step / np.abs(mean), 1.0) - 3,
-                v_max / np.abs(mean) - 3,
-            ),
-            (sparse.eye_array(self.width, format="csr"), np.zeros(self.width), v_max / np.abs(self.scale)),
-        ]
-        if np.isfinite(task.j_max_mm_s3):
-            # Rounding moves a jerk by up to twelve steps over h².
-            most = np.maximum(task.j_max_mm_s3 - 12 * step / h**2, 0.5 * task.j_max_mm_s3) * (1 - SOLVER_MARGIN)
-            turn = 12 * move / h**3 / most
-            found.append(between(6 / h**2 / most, 6 / h**2 / most, turn - 1, turn + 1))
-        return found
+    def matrix(self) -> sparse.csc_matrix:
+        """Return the rows as OSQP wants them: the older matrix class."""
+        values, rows, columns = (np.concatenate(parts) for parts in zip(*self._entries, strict=True))
+        return sparse.csc_matrix((values, (rows, columns)), shape=(self._count, self.columns.width))
 
 
-def _corridor_rows(axes: list[_Columns], corridor_mm: float) -> list[tuple[sparse.csr_array, FloatArray, FloatArray]]:
-    """Rows (block, lower, upper) for the velocity across the chord at both ends of slanted segments.
+def _add_jumps(rows: _Rows, axis: int) -> None:
+    """Acceleration jumps at the nodes that a wanted one of an axis touches; their constant part as if it were held."""
+    columns = rows.columns
+    free = columns.free[axis]
+    touched = free.copy()
+    touched[1:] |= free[:-1]
+    touched[:-1] |= free[1:]
+    node = np.flatnonzero(touched)
+    before, here, after, constant = acceleration_jumps(columns.tasks[axis].move_mm, columns.time_s)
+    last = free.size - 1
+    rows.add(
+        (axis, np.maximum(node - 1, 0), before[node]),
+        (axis, node, here[node]),
+        (axis, np.minimum(node + 1, last), after[node]),
+    )
+    rows.held[-1] += constant[node]
+
+
+def _add_limits(rows: _Rows, axis: int) -> None:
+    """Limits of one axis, all of order one."""
+    columns, task = rows.columns, rows.columns.tasks[axis]
+    free = columns.free[axis]
+    moving = np.flatnonzero(free[:-1] | free[1:])
+    move, h = task.move_mm[moving], columns.time_s[moving]
+    mean = move / h
+    # Rounding towards zero moves a velocity by up to one step, an acceleration by up to six of them over h.
+    step = task.resolution_mm_s
+    limit = np.maximum(task.a_max_mm_s2 - 6 * step / h, 0.5 * task.a_max_mm_s2) * (1 - SOLVER_MARGIN)
+    v_max = max(task.v_max_mm_s - 2 * step, 0.5 * task.v_max_mm_s) * (1 - SOLVER_MARGIN)
+    pull, push = 6 * mean / h / limit, 2 / h / limit
+
+    def between(first: FloatArray, second: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
+        rows.add((axis, moving, first), (axis, moving + 1, second), lower=lower, upper=upper)
+
+    between(-2 * push, -push, -1 - pull, 1 - pull)
+    between(push, 2 * push, -1 + pull, 1 + pull)
+    # Middle Bernstein coefficient of the velocity over the mean speed: neither reversal nor overspeed.
+    forward = np.minimum(SOLVER_MARGIN + 2 * step / np.abs(mean), 1.0) - 3
+    between(-1 / mean, -1 / mean, forward, v_max / np.abs(mean) - 3)
+    node = np.flatnonzero(free)
+    unit = columns.unit[axis][node]
+    rows.add((axis, node, 1 / unit), upper=v_max / np.abs(unit))
+    if np.isfinite(task.j_max_mm_s3):
+        # Rounding moves a jerk by up to twelve steps over h².
+        most = np.maximum(task.j_max_mm_s3 - 12 * step / h**2, 0.5 * task.j_max_mm_s3) * (1 - SOLVER_MARGIN)
+        turn, twist = 12 * move / h**3 / most, 6 / h**2 / most
+        between(twist, twist, turn - 1, turn + 1)
+
+
+def _add_corridor(rows: _Rows, corridor_mm: float) -> None:
+    """Bound the velocity across the chord at both ends of slanted segments.
 
     The distance from the chord is at most a quarter of the segment's time times the larger of the two.
     """
-    x, y = axes[0].task, axes[1].task
-    touched = axes[0].free | axes[1].free
+    columns = rows.columns
+    x, y = columns.tasks
+    touched = columns.free[0] | columns.free[1]
     slanted = np.flatnonzero((x.move_mm != 0) & (y.move_mm != 0) & (touched[:-1] | touched[1:]))
     if not slanted.size:
-        return []
-    length = np.hypot(x.move_mm[slanted], y.move_mm[slanted])
-    time_s = axes[0].time_s[slanted]
+        return
+    move_x, move_y, time_s = x.move_mm[slanted], y.move_mm[slanted], columns.time_s[slanted]
+    length = np.hypot(move_x, move_y)
     speed = length / time_s
     step = np.hypot(x.resolution_mm_s, y.resolution_mm_s)
     bound = np.maximum(4 * corridor_mm * (1 - SOLVER_MARGIN) / time_s - step, 0.0) / speed
-    across = -y.move_mm[slanted] / length / speed, x.move_mm[slanted] / length / speed
-    found = []
     for node in (slanted, slanted + 1):
-        parts = [axis.rows((node, weight)) for axis, weight in zip(axes, across, strict=True)]
-        held = parts[0][1] + parts[1][1]
-        found.append((sparse.hstack([block for block, _ in parts], format="csr"), -bound - held, bound - held))
-    return found
-
-
-def _for_osqp(matrix: sparse.sparray) -> sparse.csc_matrix:
-    """OSQP wants the older matrix class and 32-bit indices."""
-    result = sparse.csc_matrix(matrix)
-    result.sort_indices()
-    result.indices, result.indptr = result.indices.astype(np.int32), result.indptr.astype(np.int32)
-    return result
+        rows.add((0, node, -move_y / length / speed), (1, node, move_x / length / speed), lower=-bound, upper=bound)

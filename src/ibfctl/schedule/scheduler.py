@@ -22,7 +22,7 @@ from ibfctl.schedule.certificate import Certificate, certify
 from ibfctl.schedule.counting import MAX_SEGMENTS, CountedPath, count_path, even_samples
 from ibfctl.schedule.stretching import sufficient_samples
 from ibfctl.schedule.task import AxisTask, Tasks, free_nodes, stretches
-from ibfctl.schedule.velocity import solve_velocities
+from ibfctl.schedule.velocity import Known, solve_velocities
 
 FloatArray = NDArray[np.float64]
 
@@ -98,14 +98,16 @@ def schedule(
         machine = _with_jerk_limit(machine, jerk_max_mm_s3)
     asked = needed = even_samples(dwell_s, machine.sample_period_s)
     at_rest = np.zeros(path.segments, dtype=bool)
+    known: Known | None = None
     for share in _SHARES:
         counted = _counted(path, needed, machine, at_rest)
         needed = _per_segment(counted, counted.time_samples, path)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
         tasks = _tasks(counted, machine, at_rest)
-        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=share >= 1)
+        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=share >= 1, known=known)
         if not solution.excess.any():
             break
+        known = Known(tasks, time_s, solution)
         broken = stretches(tasks, solution.excess > 0)
         if share > 1:
             at_rest[counted.source_segment[broken]] = True

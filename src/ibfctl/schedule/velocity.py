@@ -43,7 +43,32 @@ class VelocitySolution:
     excess: FloatArray
 
 
-def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float, *, last_resort: bool) -> VelocitySolution:
+@dataclass(frozen=True)
+class Known:
+    """What was solved, and its solution."""
+
+    tasks: Tasks
+    time_s: FloatArray
+    solution: VelocitySolution
+
+    def changed(self, tasks: Tasks, time_s: FloatArray) -> NDArray[np.bool_]:
+        """Segments (n,) that are not what they were."""
+        changed = time_s != self.time_s
+        for task, earlier in zip(tasks, self.tasks, strict=True):
+            changed |= task.move_mm != earlier.move_mm
+            freed = task.free != earlier.free
+            changed |= freed[1:] | freed[:-1]
+        return np.asarray(changed)
+
+
+def solve_velocities(
+    tasks: Tasks,
+    time_s: FloatArray,
+    corridor_mm: float,
+    *,
+    last_resort: bool,
+    known: Known | None = None,
+) -> VelocitySolution:
     """Choose the node velocities of both axes, rounded as the controller gets them.
 
     Parameters
@@ -56,18 +81,29 @@ def solve_velocities(tasks: Tasks, time_s: FloatArray, corridor_mm: float, *, la
         Largest distance of the path from a segment's chord.
     last_resort
         Where the programme's answer breaks a limit, move along the chords: certain in `sufficient_samples`.
+    known
+        An earlier solution: where it has as many segments, stretches from stop to stop that are as they were keep
+        their velocities.
     """
     velocities = (
         tasks[0].rounded(_spline_velocities(tasks[0], time_s)),
         tasks[1].rounded(_spline_velocities(tasks[1], time_s)),
     )
+    if known is not None and known.time_s.size == time_s.size:
+        kept = np.ones(time_s.size + 1, dtype=bool)
+        kept[stretches(tasks, known.changed(tasks, time_s)) + 1] = False
+        for velocity, earlier in zip(velocities, known.solution.velocity_mm_s, strict=True):
+            velocity[kept] = earlier[kept]
     excess = limit_excess(tasks, velocities, time_s, corridor_mm)
     # What one segment needs fades from node to node: solve around what breaks a limit, and only where that does
     # not do, the whole stretch from stop to stop.
+    tried = np.zeros(time_s.size + 1, dtype=bool)
     for reach in (_REACH, time_s.size):
-        if not excess.any():
+        broken = excess > 0
+        wanted = _nodes_around(broken, reach, stretches(tasks, broken))
+        if not (wanted & ~tried).any():
             break
-        wanted = _nodes_around(excess > 0, reach, stretches(tasks, excess > 0))
+        tried |= wanted
         solved = solve_programme(tasks, time_s, corridor_mm, velocities, wanted)
         velocities = tasks[0].rounded(solved[0]), tasks[1].rounded(solved[1])
         excess = limit_excess(tasks, velocities, time_s, corridor_mm)
