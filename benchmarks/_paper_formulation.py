@@ -51,8 +51,13 @@ class Peer:
     kkt_residual: float
 
 
-def paper_program(program: PvtProgram, machine: MachineDescription, *, weighted: bool = True) -> Peer:
+def paper_program(
+    program: PvtProgram, machine: MachineDescription, *, weighted: bool = True, on_path: bool = False
+) -> Peer:
     """Replace the velocities of a program by those of the paper's formulation.
+
+    With `on_path`, a condition that the paper does not have is added in its favour: an axis rests at every node beside
+    a segment in which it should stand, and where it turns back. On a maze that keeps the motion on its path.
 
     Raises
     ------
@@ -64,7 +69,7 @@ def paper_program(program: PvtProgram, machine: MachineDescription, *, weighted:
         axis, limits = program.axis_of(coordinate), machine.axis_of(coordinate)
         move_mm = axis.increment_counts / axis.counts_per_mm
         velocity, residual = paper_velocities(
-            move_mm, program.time_s, limits.v_max_mm_s, limits.a_max_mm_s2, weighted=weighted
+            move_mm, program.time_s, limits.v_max_mm_s, limits.a_max_mm_s2, weighted=weighted, on_path=on_path
         )
         counts = np.rint(velocity * axis.counts_per_mm).astype(np.int64)
         # The controller stops at the end: the least squares only come near it.
@@ -77,7 +82,13 @@ def paper_program(program: PvtProgram, machine: MachineDescription, *, weighted:
 
 
 def paper_velocities(
-    move_mm: FloatArray, time_s: FloatArray, v_max_mm_s: float, a_max_mm_s2: float, *, weighted: bool
+    move_mm: FloatArray,
+    time_s: FloatArray,
+    v_max_mm_s: float,
+    a_max_mm_s2: float,
+    *,
+    weighted: bool,
+    on_path: bool = False,
 ) -> tuple[FloatArray, float]:
     """Velocities (N,) at the ends of segments by Eqs. 9 to 18, and the KKT residual of the optimum."""
     n, h = move_mm.size, time_s
@@ -118,6 +129,11 @@ def paper_velocities(
     lower[4::6], upper[4::6] = np.where(forward, 0.0, -v_max), np.where(forward, v_max, 0.0)
     lower[-2] = -v_max
     lower[5::6], upper[5::6] = -a_max, a_max
+    if on_path:
+        goes_on = (np.sign(move_mm[1:]) == np.sign(move_mm[:-1])) & (move_mm[1:] != 0)
+        resting = np.flatnonzero(np.append(~goes_on, True))
+        continuous = sparse.vstack([continuous, place(4, resting, np.ones(resting.size))], format="csr")
+        lower[6 * resting + 4], upper[6 * resting + 4] = -v_max, v_max
     answer, residual = bounded_least_squares(rows, wanted, continuous, lower, upper)
     return answer[4::6] * size[1], residual
 

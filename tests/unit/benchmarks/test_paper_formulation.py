@@ -53,6 +53,18 @@ def test_an_even_motion_between_its_ends_is_found() -> None:
     assert abs(velocity[-1]) < 2.0
 
 
+def test_told_to_rest_where_an_axis_stands_the_peer_stays_on_its_path() -> None:
+    path = maze(Rectangle(-3.0, 3.0, -2.0, 2.0), 0.5, seed=1)
+    machine = make_machine()
+    dwell_s = np.random.default_rng(0).uniform(0.06, 0.15, path.segments)
+    scheduled = schedule(path, dwell_s, machine, 0.025, stretch=True)
+    peers = [paper_program(scheduled.program, machine, on_path=on_path).program for on_path in (False, True)]
+    astray = [[np.abs(axis.end_velocity_counts_s[axis.increment_counts == 0]).max() for axis in peer.axes.values()]
+              for peer in peers]  # fmt: skip
+    assert min(astray[0]) > 100
+    assert max(astray[1]) == 0
+
+
 @pytest.mark.parametrize("weighted", [True, False])
 def test_velocities_keep_the_sign_of_the_next_move_and_the_limits(weighted: bool) -> None:
     path = maze(Rectangle(-3.0, 3.0, -2.0, 2.0), 0.5, seed=1)
