@@ -34,8 +34,9 @@ from ibfctl.machine.program import PvtProgram
 from ibfctl.machine.shipped import shipped_machine
 from ibfctl.planning.job import corridor_of
 from ibfctl.planning.options import Aim, PlanOptions
-from ibfctl.planning.plan import Plan, levelled
+from ibfctl.planning.plan import Plan
 from ibfctl.planning.planner import make_plan
+from ibfctl.planning.target import Target
 from ibfctl.schedule.certificate import certify
 from ibfctl.schedule.scheduler import schedule, shortest_times
 from ibfctl.surface.influence import gaussian
@@ -162,8 +163,7 @@ def _executed_rms_nm(plan: Plan, program: PvtProgram) -> float:
     assert plan.prediction is not None
     mask = plan.prediction.clear_aperture
     removal_nm = executed_removal(program, grid_of(plan.surface), plan.influence)
-    left_nm = levelled(plan.surface.height_nm - removal_nm, mask, Levelling.over(mask, plan.options.remove))
-    return rms(left_nm[mask])
+    return rms(Target.of(plan.surface, plan.influence, mask, plan.options).residual_nm(removal_nm))
 
 
 def _checks(plan: Plan, program: PvtProgram) -> tuple[Any, ...]:

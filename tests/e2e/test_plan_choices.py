@@ -56,9 +56,7 @@ def test_the_tikhonov_factor_is_given_or_found(
     assert "trade_off" not in found
 
 
-def test_a_slowest_speed_bounds_every_time(
-    small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_slowest_speed_bounds_every_time(small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = small_job.plan_arguments(path, "--v-min-mm-s", "2", "--dwell-bounds", "ramp", "--no-loop")
     figures = _json(capsys, arguments)
     assert set(figures["dwell_bounds"]) == {"shortest_s", "longest_s", "steps_at_shortest", "steps_at_longest"}
@@ -76,3 +74,26 @@ def test_what_is_no_factor_is_refused(
     assert run(small_job.plan_arguments(path, "--tikhonov", value)) == 2
     assert "neither a factor" in capsys.readouterr().err
     assert not path.exists()
+
+
+def test_terms_that_are_free_and_a_depth_that_goes_everywhere(
+    small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    choices = ("--remove", "legendre:2", "--extra-removal-nm", "20", "--no-loop")
+    figures = _json(capsys, small_job.plan_arguments(path, *choices))
+    plan = read_plan(path)
+    assert (plan.options.remove, plan.options.extra_removal_nm) == ("legendre:2", 20.0)
+    assert plan.prediction is not None
+    assert plan.prediction.executed_removal_nm.min() > 15
+    assert figures["executed_rms_nm"] < 0.2 < figures["initial_rms_nm"]
+    run_path = small_job.folder / "run.h5"
+    run_figures = _json(capsys, ["simulate", str(path), "--speed", "2000", "-o", str(run_path)])
+    assert run_figures["as_run_rms_nm"] == pytest.approx(figures["executed_rms_nm"], abs=0.01)
+
+
+@pytest.mark.parametrize("terms", ["tilts", "legendre:9", "zernike:0"])
+def test_what_names_no_terms_is_refused(
+    small_job: SmallJob, path: Path, terms: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(small_job.plan_arguments(path, "--remove", terms)) == 2
+    assert "--remove none, piston" in capsys.readouterr().err

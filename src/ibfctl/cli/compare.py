@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import Any
 
 import click
 
-from ibfctl.cli.options import bounds_options, covering_options, json_option, machine_option, unit_options
+from ibfctl.cli.options import POSITIVE, bounds_options, covering_options, json_option, machine_option, unit_options
 from ibfctl.cli.output import print_json
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import comparison_lines, method_lines
-
-if TYPE_CHECKING:
-    from ibfctl.surface.regions import Region
 
 _KINDS = ("raster", "maze")
 
@@ -36,7 +33,7 @@ _KINDS = ("raster", "maze")
 @bounds_options
 @click.option(
     "--jerk-max-mm-s3",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     help="Compare also PVT with this limit of the jerk, mm/s³.",
 )
 @unit_options
@@ -47,15 +44,6 @@ def command(
     machine: Path,
     methods: bool,
     kinds: tuple[str, ...],
-    seed: int,
-    pitch_mm: float,
-    step_mm: float,
-    clear_aperture: Region | None,
-    remove: str,
-    dwell_min_s: float | None,
-    v_min_mm_s: float | None,
-    dwell_bounds: str,
-    corridor_mm: float | None,
     jerk_max_mm_s3: float | None,
     map_pixel_mm: float | None,
     map_unit: str | None,
@@ -63,6 +51,7 @@ def command(
     tif_pixel_mm: float | None,
     tif_unit: str | None,
     as_json: bool,
+    **choices: Any,
 ) -> None:
     """Compare schedulers: PVT with and without motion in the loop, constant acceleration, position mode.
 
@@ -76,20 +65,9 @@ def command(
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.machine.description import read_machine
     from ibfctl.planning import comparison, side_by_side
-    from ibfctl.planning.options import Bounds, PlanOptions, Removed
+    from ibfctl.planning.options import PlanOptions
 
-    options = PlanOptions(
-        seed=seed,
-        pitch_mm=pitch_mm,
-        step_mm=step_mm,
-        clear_aperture=clear_aperture,
-        remove=cast(Removed, remove),
-        dwell_min_s=dwell_min_s,
-        v_min_mm_s=v_min_mm_s,
-        dwell_bounds=cast(Bounds, dwell_bounds),
-        corridor_mm=corridor_mm,
-    )
-    paths = comparison.path_choices(kinds, options)
+    paths = comparison.path_choices(kinds, PlanOptions(**choices))
     surface = MapFile(surface_map, map_pixel_mm, map_unit, map_array).read()
     tool = InfluenceFile(influence, tif_pixel_mm, tif_unit).read()
     stages = read_machine(machine)

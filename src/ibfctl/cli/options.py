@@ -15,6 +15,9 @@ from ibfctl.machine.shipped import machine_file
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
+POSITIVE = click.FloatRange(min=0, min_open=True)
+
+
 def _machine_path(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
     """Take a path, or the bare name of a machine file that comes with the package."""
     return None if value is None else machine_file(value)
@@ -29,6 +32,14 @@ def machine_option(*, required: bool) -> Decorator:
         callback=_machine_path,
         help="Machine file, or the name of a shipped one: nsls2-ibf, simulator.",
     )
+
+
+def _terms(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Refuse what names no terms before anything is read."""
+    from ibfctl.surface.terms import check_terms
+
+    check_terms(value)
+    return value
 
 
 def output_option(default: str) -> Decorator:
@@ -54,6 +65,7 @@ def _together(*options: Decorator) -> Decorator:
     return decorate
 
 
+# Named as the fields of `PlanOptions`.
 covering_options = _together(
     click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of a maze."),
     click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm."),
@@ -67,10 +79,14 @@ covering_options = _together(
     ),
     click.option(
         "--remove",
-        type=click.Choice(["none", "piston", "tilt"]),
+        metavar="TERMS",
+        callback=_terms,
         default="tilt",
         show_default=True,
-        help="Free terms; tilt includes piston.",
+        help="Free terms: none, piston, tilt (with piston), power (with tilt), legendre:N or zernike:N.",
+    ),
+    click.option(
+        "--extra-removal-nm", type=POSITIVE, help="Depth that every place must lose, nm; nothing is free then."
     ),
     click.option(
         "--corridor-mm", type=float, help="How far the path may leave its segment, mm; default: 5 % of pitch."
@@ -81,7 +97,7 @@ bounds_options = _together(
     click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own."),
     click.option(
         "--v-min-mm-s",
-        type=click.FloatRange(min=0, min_open=True),
+        type=POSITIVE,
         help="Slowest mean speed over a step, mm/s: an upper bound of every dwell time.",
     ),
     click.option(
@@ -116,7 +132,7 @@ def speed_option(default: float) -> Decorator:
     """Return the option --speed of an emulated controller."""
     return click.option(
         "--speed",
-        type=click.FloatRange(min=0, min_open=True),
+        type=POSITIVE,
         default=default,
         show_default=True,
         help="Clock of the emulated controller: its seconds per second.",

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import click
 
 from ibfctl.cli.options import (
+    POSITIVE,
     bounds_options,
     covering_options,
     json_option,
@@ -21,10 +22,8 @@ from ibfctl.cli.words import plan_lines, trade_off_table
 
 if TYPE_CHECKING:
     from ibfctl.planning.plan import Plan
-    from ibfctl.surface.regions import Region
 
 _MADE_PATHS = ("raster", "maze")
-_POSITIVE = click.FloatRange(min=0, min_open=True)
 _L_CURVE = "l-curve"
 
 
@@ -56,8 +55,8 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 @covering_options
 @bounds_options
 @click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
-@click.option("--max-time", type=_POSITIVE, help="Longest run time, s: the best residual within it.")
-@click.option("--max-residual", type=_POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
+@click.option("--max-time", type=POSITIVE, help="Longest run time, s: the best residual within it.")
+@click.option("--max-residual", type=POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
 @click.option("--loop/--no-loop", default=True, show_default=True, help="Correct dwell times for the motion executed.")
 @click.option(
     "--tikhonov",
@@ -74,16 +73,7 @@ def command(
     influence: str,
     machine: Path,
     path: str,
-    seed: int,
-    pitch_mm: float,
-    step_mm: float,
     scan_axis: str,
-    clear_aperture: Region | None,
-    remove: str,
-    dwell_min_s: float | None,
-    v_min_mm_s: float | None,
-    dwell_bounds: str,
-    corridor_mm: float | None,
     margin: float | None,
     max_time: float | None,
     max_residual: float | None,
@@ -97,6 +87,7 @@ def command(
     tif_unit: str | None,
     output: Path,
     as_json: bool,
+    **choices: Any,
 ) -> None:
     """Plan a job: from MAP and TIF to a certified program for the machine.
 
@@ -108,26 +99,18 @@ def command(
     check_writable(output)
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.jobs.plan_files import plan_files
-    from ibfctl.planning.options import Aim, Bounds, PlanOptions, Removed
+    from ibfctl.planning.options import Aim, PlanOptions
 
     default = PlanOptions()
     options = PlanOptions(
         path=cast('Literal["raster", "maze"]', path) if path in _MADE_PATHS else Path(path),
-        seed=seed,
-        pitch_mm=pitch_mm,
-        step_mm=step_mm,
         scan_axis=cast('Literal["x", "y"]', scan_axis),
-        clear_aperture=clear_aperture,
-        remove=cast(Removed, remove),
-        dwell_min_s=dwell_min_s,
-        v_min_mm_s=v_min_mm_s,
-        dwell_bounds=cast(Bounds, dwell_bounds),
-        corridor_mm=corridor_mm,
         loop=loop,
         aim=Aim(default.aim.margin if margin is None else margin, max_time, max_residual),
         tikhonov=tikhonov if isinstance(tikhonov, float) else default.tikhonov,
         l_curve=tikhonov == _L_CURVE,
         trade_off=trade_off,
+        **choices,
     )
     with progress() as report:
         plan = plan_files(

@@ -15,8 +15,9 @@ from scipy import ndimage
 
 from ibfctl.dwell.deposition import Grid
 from ibfctl.surface.influence import InfluenceFunction
-from ibfctl.surface.levelling import Levelling, Removed
+from ibfctl.surface.levelling import Levelling
 from ibfctl.surface.map import SurfaceMap
+from ibfctl.surface.terms import Removed
 
 FloatArray = NDArray[np.float64]
 
@@ -85,7 +86,12 @@ def cell_size(surface: SurfaceMap, influence: InfluenceFunction, per_width: int 
 
 
 def make_misfit(
-    surface: SurfaceMap, mask: NDArray[np.bool_], influence: InfluenceFunction, removed: Removed, cell: int
+    surface: SurfaceMap,
+    mask: NDArray[np.bool_],
+    influence: InfluenceFunction,
+    removed: Removed,
+    cell: int,
+    depth_nm: float | None = None,
 ) -> Misfit:
     """Average the clear aperture over cells of `cell` x `cell` pixels (1: keep the pixels).
 
@@ -97,6 +103,8 @@ def make_misfit(
         Influence function, any pitch.
     removed
         Free terms.
+    depth_nm
+        What is to go everywhere beside the levelled height, with nothing free any more; None for none.
     """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     row0, column0 = int(rows[0]), int(columns[0])
@@ -114,6 +122,9 @@ def make_misfit(
     root_weight = np.sqrt(count[cells] / count.sum())
     levelling = Levelling.over(cells, removed, root_weight)
     target = levelling(mean * root_weight)
+    if depth_nm is not None:
+        target = target + depth_nm * root_weight
+        levelling = Levelling.over(cells, "none")
     shift = 0.5 * (cell - 1) * surface.pixel_mm
     pitch = cell * surface.pixel_mm
     grid = Grid(

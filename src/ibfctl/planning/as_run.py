@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ibfctl.dwell.deposition import grid_of
 from ibfctl.dwell.operator import removal_of_samples
 from ibfctl.errors import InputError
-from ibfctl.planning.plan import Plan, levelled
-from ibfctl.surface.levelling import Levelling, peak_to_valley, rms
+from ibfctl.planning.plan import Plan
+from ibfctl.planning.target import Target
+from ibfctl.surface.levelling import peak_to_valley, rms
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ def as_run_figures(plan: Plan, x_mm: FloatArray, y_mm: FloatArray, sample_period
     surface, mask = plan.surface, plan.prediction.clear_aperture
     grid = grid_of(surface)
     removal_nm = removal_of_samples(grid, plan.influence, x_mm, y_mm, np.full(x_mm.shape, sample_period_s))
-    residual_nm = levelled(surface.height_nm - removal_nm, mask, Levelling.over(mask, plan.options.remove))
+    residual_nm = Target.of(surface, plan.influence, mask, plan.options).residual_map_nm(removal_nm)
     difference_nm = (removal_nm - plan.prediction.executed_removal_nm)[mask]
     return AsRun(
         removal_nm,

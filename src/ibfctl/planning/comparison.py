@@ -139,8 +139,9 @@ def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled:
             )
             yield "pvt, jerk limited", motion_of_schedule(limited)
         classic = nnls_then_limits(job.ideal_problem(job.misfit), cancelled=cancelled)
-        yield "pvt, classic dwell times", motion_of_schedule(
-            schedule(job.path, classic.time_s, job.machine, job.corridor_mm, stretch=True)
+        yield (
+            "pvt, classic dwell times",
+            motion_of_schedule(schedule(job.path, classic.time_s, job.machine, job.corridor_mm, stretch=True)),
         )
         best, _ = refine(job, plain, chosen.price_nm2_s, regularisation, cancelled)
         yield "pvt, motion in the loop", motion_of_schedule(best.scheduled)
@@ -152,7 +153,7 @@ def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled:
         if cancelled():
             raise CancelledError("the comparison was cancelled", "start it again when wanted")
         figures[name] = _figures(job, motion)
-    gap = path_figures(job.path, pixels_of(job.surface, job.clear_aperture))
+    gap = path_figures(job.path, pixels_of(job.surface, job.target.clear_aperture))
     return ComparedPath(gap, job.rms_nm(operator(chosen.time_s)), figures)
 
 

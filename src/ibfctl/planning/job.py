@@ -25,8 +25,9 @@ from ibfctl.planning.aperture import check_sizes, clear_aperture_mask
 from ibfctl.planning.bounds import step_bounds
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.paths import make_path
+from ibfctl.planning.target import Target
 from ibfctl.surface.influence import InfluenceFunction
-from ibfctl.surface.levelling import Levelling, rms
+from ibfctl.surface.levelling import rms
 from ibfctl.surface.map import SurfaceMap
 
 FloatArray = NDArray[np.float64]
@@ -43,12 +44,8 @@ class PlanningJob:
     ----------
     surface, influence, machine, options
         As given.
-    clear_aperture : (ny, nx) bool
-        Pixels that count.
-    levelling
-        Free terms over the clear aperture.
-    target_nm : (m,) float64
-        Levelled height of the pixels of the clear aperture.
+    target
+        What is to go from the clear aperture.
     misfit, coarse
         The same, averaged over cells, for the solver to finish and to search on.
     path
@@ -63,9 +60,7 @@ class PlanningJob:
     influence: InfluenceFunction
     machine: MachineDescription
     options: PlanOptions
-    clear_aperture: NDArray[np.bool_]
-    levelling: Levelling
-    target_nm: FloatArray
+    target: Target
     misfit: Misfit
     coarse: Misfit
     path: ToolPath
@@ -77,19 +72,9 @@ class PlanningJob:
         """Pixels of the map."""
         return grid_of(self.surface)
 
-    def residual_nm(self, removal_nm: FloatArray) -> FloatArray:
-        """Levelled residual (m,) of the clear aperture after a removal (ny, nx)."""
-        return np.asarray(self.target_nm - self.levelling(removal_nm[self.clear_aperture]))
-
     def rms_nm(self, removal_nm: FloatArray) -> float:
         """RMS of the residual after a removal (ny, nx)."""
-        return rms(self.residual_nm(removal_nm))
-
-    def residual_map_nm(self, removal_nm: FloatArray) -> FloatArray:
-        """Residual (ny, nx), NaN outside the clear aperture."""
-        result = np.full(self.clear_aperture.shape, np.nan)
-        result[self.clear_aperture] = self.residual_nm(removal_nm)
-        return result
+        return rms(self.target.residual_nm(removal_nm))
 
     def keeps(self, time_s: FloatArray) -> bool:
         """Whether executed times (n,) of the segments keep their upper bounds."""
@@ -141,10 +126,10 @@ def prepare(
     """
     check_sizes(surface, influence)
     mask = clear_aperture_mask(surface, options.clear_aperture)
-    levelling = Levelling.over(mask, options.remove)
+    target = Target.of(surface, influence, mask, options)
     path = make_path(surface, mask, influence, options)
     misfit, coarse = (
-        make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width))
+        make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width), target.depth_nm)
         for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
     )
     return PlanningJob(
@@ -152,9 +137,7 @@ def prepare(
         influence,
         machine,
         options,
-        mask,
-        levelling,
-        levelling(surface.height_nm[mask]),
+        target,
         misfit,
         coarse,
         path,

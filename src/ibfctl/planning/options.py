@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from ibfctl.dwell.trade_off import Aim
-from ibfctl.surface.levelling import Removed
 from ibfctl.surface.regions import Region
+from ibfctl.surface.terms import Removed
 
 __all__ = ["Aim", "Bounds", "PlanOptions", "Removed"]
 
@@ -32,8 +32,10 @@ class PlanOptions:
     clear_aperture
         Where the residual counts; None for the whole valid map.
     remove
-        Terms that are free in what was measured, and hence in the plan and its figures: nothing,
-        piston, or piston and tilt.
+        Terms that are free in what was measured, and hence in the plan and its figures, see `Removed`.
+    extra_removal_nm
+        Depth that every place of the clear aperture must lose: `remove` is then taken out of the map, and nothing is
+        free. None for none.
     dwell_min_s
         Lower bound on every dwell time, above what the machine's limits ask for; None for the machine's own.
     v_min_mm_s
@@ -62,6 +64,7 @@ class PlanOptions:
     seed: int = 0
     clear_aperture: Region | None = None
     remove: Removed = "tilt"
+    extra_removal_nm: float | None = None
     dwell_min_s: float | None = None
     v_min_mm_s: float | None = None
     dwell_bounds: Bounds = "machine"

@@ -17,7 +17,7 @@ from ibfctl.planning.bounds import step_bounds
 from ibfctl.planning.options import PlanOptions
 from ibfctl.schedule.certificate import Certificate, axis_cubics
 from ibfctl.surface.influence import InfluenceFunction
-from ibfctl.surface.levelling import Levelling, peak_to_valley, rms
+from ibfctl.surface.levelling import peak_to_valley, rms
 from ibfctl.surface.map import SurfaceMap
 
 FloatArray = NDArray[np.float64]
@@ -205,10 +205,3 @@ def peaks(program: PvtProgram) -> dict[str, tuple[float, float]]:
         scale = abs(axis.counts_per_mm)
         found[letter] = speed / scale, float(cubics.peak_acceleration.max()) / scale
     return found
-
-
-def levelled(values_nm: FloatArray, clear_aperture: NDArray[np.bool_], levelling: Levelling) -> FloatArray:
-    """Values (ny, nx) without the free terms over the clear aperture, NaN outside it."""
-    result = np.full(values_nm.shape, np.nan)
-    result[clear_aperture] = levelling(values_nm[clear_aperture])
-    return result

@@ -21,7 +21,7 @@ from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.job import PlanningJob, corridor_of, prepare
 from ibfctl.planning.loop import execute, refine
 from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round, levelled
+from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round
 from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
@@ -105,11 +105,11 @@ def make_plan(
         surface,
         influence,
         Prediction(
-            job.clear_aperture,
-            levelled(surface.height_nm, job.clear_aperture, job.levelling),
-            job.residual_map_nm(ideal(chosen.time_s)),
+            job.target.clear_aperture,
+            job.target.height_map_nm(),
+            job.target.residual_map_nm(ideal(chosen.time_s)),
             best.removal_nm,
-            job.residual_map_nm(best.removal_nm),
+            job.target.residual_map_nm(best.removal_nm),
         ),
         rounds,
         dict(inputs or {}),
@@ -177,7 +177,7 @@ def solve_dwell(
 
 def _check_reach(job: PlanningJob, most_nm: FloatArray) -> None:
     """Refuse a map whose mean height is above what the longest times remove, `most_nm` (ny, nx)."""
-    wanted_nm, reached_nm = job.target_nm.mean(), most_nm[job.clear_aperture].mean()
+    wanted_nm, reached_nm = job.target.wanted_nm.mean(), most_nm[job.target.clear_aperture].mean()
     if wanted_nm > reached_nm:
         raise LimitsError(
             f"plan: {wanted_nm:.4g} nm are to be removed on average, but at {job.options.v_min_mm_s:g} mm/s or more "

@@ -1,17 +1,15 @@
-"""Terms that are free in what was measured: piston and tilt over the clear aperture."""
+"""Levelling: what is free in what was measured is taken out, over the clear aperture."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-Removed = Literal["none", "piston", "tilt"]
+from ibfctl.surface.terms import Removed, terms_of
 
-_TERMS: dict[Removed, int] = {"none": 0, "piston": 1, "tilt": 3}
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -21,7 +19,7 @@ class Levelling:
     Attributes
     ----------
     basis : (k, m) float64
-        Orthonormal rows over the m pixels of the clear aperture: k = 0 (none), 1 (piston), 3 (piston and tilt).
+        Orthonormal rows over the m pixels of the clear aperture.
     """
 
     basis: FloatArray
@@ -31,17 +29,24 @@ class Levelling:
         """Make the projection for the pixels of `mask` (ny, nx).
 
         With `root_weight` (m,), values are expected multiplied by these square roots of weights.
+
+        Raises
+        ------
+        InputError
+            If `removed` names no terms.
         """
         rows, columns = np.nonzero(mask)
-        terms = np.stack([np.ones(rows.size), columns - columns.mean(), rows - rows.mean()])[: _TERMS[removed]]
+        terms = terms_of(removed, columns.astype(np.float64), rows.astype(np.float64))
         if root_weight is not None:
             terms = terms * root_weight
         if not terms.size:
             return cls(np.zeros((0, rows.size)))
-        # A line of pixels has no tilt across it: drop what the others already span.
-        left, size, _ = np.linalg.svd(terms @ terms.T)
-        rank = int((size > 1e-12 * size[0]).sum())
-        return cls((left[:, :rank] / np.sqrt(size[:rank])).T @ terms)
+        for _ in range(2):  # the second time takes away what rounding has left
+            # A line of pixels has no tilt across it: drop what the others already span.
+            left, size, _ = np.linalg.svd(terms @ terms.T)
+            rank = int((size > 1e-12 * size[0]).sum())
+            terms = (left[:, :rank] / np.sqrt(size[:rank])).T @ terms
+        return cls(terms)
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return `values` (m,) without the free terms. The projection is its own adjoint."""

@@ -69,7 +69,10 @@ class PlanRequest(BaseModel):
         tuple[Finite, Finite, Finite, Finite] | CircularAperture | PolygonalAperture | None,
         Field(description="x0, x1, y0, y1, or a circle or a polygon; default: the whole map."),
     ] = None
-    remove: Literal["none", "piston", "tilt"] = "tilt"
+    remove: Annotated[
+        str, Field(pattern=r"^(none|piston|tilt|power|legendre:[0-8]|zernike:([1-9]|[123]\d|4[0-5]))$")
+    ] = "tilt"
+    extra_removal_nm: Annotated[Positive | None, Field(description="Depth that every place must lose.")] = None
     dwell_min_s: Positive | None = None
     v_min_mm_s: Annotated[
         Positive | None, Field(description="Slowest mean speed over a step: an upper bound of every dwell time.")

@@ -19,8 +19,8 @@ from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import Descent, DwellProblem, Regularisation
 from ibfctl.path.raster import raster
 from ibfctl.surface.influence import gaussian
-from ibfctl.surface.levelling import Removed
 from ibfctl.surface.map import Rectangle, SurfaceMap
+from ibfctl.surface.terms import Removed
 
 PIXELS, OVERRUN_MM, PITCH_MM, STEP_MM = 50, 6.0, 1.5, 2.09
 WAVE_NM, G_MM_S2, ITERATIONS = 632.8, 9800.0, 300

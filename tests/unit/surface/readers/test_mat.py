@@ -74,9 +74,7 @@ def test_pixel_size_alone_gives_a_centred_map(tmp_path: Path) -> None:
         ({"Z": np.arange(24.0).reshape(4, 6)}, "units are probably mixed up"),
     ],
 )
-def test_a_file_that_contradicts_itself_is_refused(
-    tmp_path: Path, change: dict[str, np.ndarray], message: str
-) -> None:
+def test_a_file_that_contradicts_itself_is_refused(tmp_path: Path, change: dict[str, np.ndarray], message: str) -> None:
     path = _save(tmp_path / "m.mat", _arrays() | change)
     with pytest.raises(InputError) as refusal:
         read_map(path)
