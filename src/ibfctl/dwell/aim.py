@@ -18,7 +18,7 @@ def ignored(share: float) -> None:
 
 @dataclass(frozen=True)
 class Aim:
-    """Where on the curve of residual against time a plan is to lie; one of three.
+    """Where on the curve of residual against time a plan is to lie; one of four.
 
     Attributes
     ----------
@@ -28,11 +28,14 @@ class Aim:
         The best residual in this time.
     max_residual_nm
         The shortest time to this residual (RMS).
+    seconds_per_nm
+        What a nanometre of residual is worth: the least of the total time plus so many seconds for each.
     """
 
     margin: float = 0.01
     max_time_s: float | None = None
     max_residual_nm: float | None = None
+    seconds_per_nm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,9 @@ class TradeOff:
 
 def better(one: TradeOffPoint, other: TradeOffPoint, aim: Aim, allowed_nm: float) -> TradeOffPoint:
     """The one of two points that serves the aim better."""
+    worth = aim.seconds_per_nm
+    if worth is not None:
+        return min((one, other), key=lambda point: point.total_time_s + worth * point.rms_nm)
     if aim.max_time_s is not None:
         fits = [point for point in (one, other) if point.total_time_s <= aim.max_time_s]
         if len(fits) == 2:

@@ -64,7 +64,7 @@ def aim_exactly(
 
     floor = at(first)
     allowed_nm = aim.max_residual_nm
-    if aim.max_time_s is None and allowed_nm is None:
+    if aim.max_time_s is None and aim.seconds_per_nm is None and allowed_nm is None:
         for _ in range(_FLOORS):
             above, floor = floor, at(_FREE * floor.rms_nm**2 / floor.total_time_s)
             if floor.rms_nm > _SETTLED * above.rms_nm:
@@ -73,6 +73,8 @@ def aim_exactly(
 
     def too_dear(point: TradeOffPoint) -> float:
         """Relative distance to the aim: positive where the price was too high."""
+        if aim.seconds_per_nm is not None:
+            return point.price_nm2_s * aim.seconds_per_nm / point.rms_nm - 1
         if aim.max_time_s is not None:
             return aim.max_time_s / point.total_time_s - 1
         return point.rms_nm / (allowed_nm or point.rms_nm) - 1
@@ -81,7 +83,11 @@ def aim_exactly(
         distances = [too_dear(point) for point in points]
         if any(-_CLOSE <= distance <= 0 for distance in distances):
             break
-        at(_next_price([point.price_nm2_s for point in points], distances))
+        if aim.seconds_per_nm is not None:
+            # The residual hardly depends on the price: what it asks for is almost the answer.
+            at(points[-1].rms_nm / aim.seconds_per_nm)
+        else:
+            at(_next_price([point.price_nm2_s for point in points], distances))
     chosen = points[0]
     for point in points:
         chosen = better(point, chosen, aim, allowed_nm or np.inf)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,20 @@ def _length(offset: int, target: int, source: int, half: int) -> int:
     """Shortest fast transform length without wrap-around between source and target pixels."""
     reach = max(offset + target - 1, source - 1 - offset)
     return int(fft.next_fast_len(max(reach + half + 1, source, target), real=True))
+
+
+class Removal(Protocol):
+    """Linear map from the seconds spent on n steps, of one tool or of several, to the removal on a map."""
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, n."""
+
+    def __call__(self, time_s: FloatArray) -> FloatArray:
+        """Removal (ny, nx) in nm for `time_s` (n,)."""
+
+    def adjoint(self, values: FloatArray) -> FloatArray:
+        """Adjoint of the call: (n,) from values (ny, nx) on the map."""
 
 
 class RemovalOperator:

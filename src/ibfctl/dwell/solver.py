@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ibfctl.dwell.misfit import Misfit
-from ibfctl.dwell.operator import RemovalOperator
+from ibfctl.dwell.operator import Removal
 from ibfctl.errors import CancelledError
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +44,7 @@ class DwellProblem:
         Whether a step and the next are one straight motion, whose change of time is penalised.
     """
 
-    operator: RemovalOperator
+    operator: Removal
     misfit: Misfit
     lower_s: FloatArray
     upper_s: FloatArray

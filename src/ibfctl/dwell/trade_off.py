@@ -59,7 +59,7 @@ def aim_at(
     residual_nm
         RMS of the residual of dwell times (n,) on the full map.
     aim
-        Shortest time within a margin of the floor, or within a limit on time or residual.
+        Shortest time within a margin of the floor, within a limit on time or residual, or the best balance of both.
     start_s : (n,) float64
         Where a descent starts.
     coarse
@@ -124,6 +124,9 @@ def _by_descent(
     allowed_nm = aim.max_residual_nm or (1 + aim.margin) * floor.rms_nm
 
     def too_long_or_fine(point: TradeOffPoint) -> bool:
+        if aim.seconds_per_nm is not None:
+            # Along optima of half the squared residual plus price times time, a nm costs residual over price.
+            return point.price_nm2_s * aim.seconds_per_nm < point.rms_nm
         if aim.max_time_s is not None:
             return point.total_time_s > aim.max_time_s
         return point.rms_nm < allowed_nm
@@ -131,6 +134,8 @@ def _by_descent(
     chosen = floor
     # The price at which the margin is worth a hundredth of the beam time.
     price = max(allowed_nm**2 - floor.rms_nm**2, 1e-4 * floor.rms_nm**2) / (0.01 * floor.total_time_s + 1e-300)
+    if aim.seconds_per_nm is not None:
+        price = floor.rms_nm / aim.seconds_per_nm
     factor, last = 4.0, None
     for part in range(effort.rounds):
         descent.advance(price, effort.iterations_per_round)

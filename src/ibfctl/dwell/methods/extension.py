@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from ibfctl.dwell.deposition import Grid
 from ibfctl.dwell.misfit import Misfit
+from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import DwellProblem
 from ibfctl.surface.levelling import Levelling
 
@@ -33,13 +34,26 @@ def extended(misfit: Misfit, grid: Grid) -> FloatArray:
     return np.asarray(values[tuple(nearest)])
 
 
+def dwell_points(problem: DwellProblem) -> RemovalOperator:
+    """Return the operator of a problem of one tool, which knows where its dwell points lie.
+
+    Raises
+    ------
+    TypeError
+        If the problem is one of several tools.
+    """
+    if not isinstance(problem.operator, RemovalOperator):
+        raise TypeError("only the dwell points of one tool cover a grid")
+    return problem.operator
+
+
 def extended_problem(problem: DwellProblem) -> DwellProblem:
     """Return the problem with the extended target, as far as the dwell points cover it evenly.
 
     Beyond that the tool works from one side alone, and would be asked for mountains of time. Piston alone is free.
     """
-    misfit, grid = problem.misfit, problem.operator.source
-    operator = problem.operator.on(grid, misfit.influence)
+    misfit, grid = problem.misfit, dwell_points(problem).source
+    operator = dwell_points(problem).on(grid, misfit.influence)
     covered = operator(np.ones(operator.steps))
     mask = covered >= _COVERED * covered.max()
     root_weight = np.full(int(mask.sum()), mask.sum() ** -0.5)

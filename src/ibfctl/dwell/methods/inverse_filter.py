@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from ibfctl.dwell.methods.extension import extended
+from ibfctl.dwell.methods.extension import dwell_points, extended
 from ibfctl.dwell.methods.solution import Solution
 from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import Cancelled, DwellProblem, never
@@ -44,7 +44,8 @@ def inverse_filter(
     CancelledError
         When the planning was cancelled.
     """
-    operator, source = problem.operator, problem.operator.source
+    operator = dwell_points(problem)
+    source = operator.source
     target, transfer = _spectra(problem, operator)
     modulus = np.abs(transfer)
     # A second at every dwell point against a second on every cell: how many cells a dwell point stands for.
