@@ -9,6 +9,7 @@ import click
 
 from ibfctl.cli.options import POSITIVE, bounds_options, covering_options, json_option, machine_option, unit_options
 from ibfctl.cli.output import print_json
+from ibfctl.cli.placement import placed, placement_options
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import comparison_lines, method_lines
 
@@ -30,6 +31,7 @@ _KINDS = ("raster", "maze")
     help="Path to compare on, may be repeated; a raster along x and along y.",
 )
 @covering_options
+@placement_options
 @bounds_options
 @click.option(
     "--jerk-max-mm-s3",
@@ -67,7 +69,7 @@ def command(
     from ibfctl.planning import comparison, side_by_side
     from ibfctl.planning.options import PlanOptions
 
-    paths = comparison.path_choices(kinds, PlanOptions(**choices))
+    paths = comparison.path_choices(kinds, PlanOptions(**placed(choices)))
     surface = MapFile(surface_map, map_pixel_mm, map_unit, map_array).read()
     tool = InfluenceFile(influence, tif_pixel_mm, tif_unit).read()
     stages = read_machine(machine)

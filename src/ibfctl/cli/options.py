@@ -54,7 +54,7 @@ def output_option(default: str) -> Decorator:
     )
 
 
-def _together(*options: Decorator) -> Decorator:
+def together(*options: Decorator) -> Decorator:
     """Make one decorator of several options, in the order of the help."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -66,7 +66,7 @@ def _together(*options: Decorator) -> Decorator:
 
 
 # Named as the fields of `PlanOptions`.
-covering_options = _together(
+covering_options = together(
     click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of a maze."),
     click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm."),
     click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm."),
@@ -93,7 +93,7 @@ covering_options = _together(
     ),
 )
 
-bounds_options = _together(
+bounds_options = together(
     click.option("--dwell-min-s", type=float, help="Lower bound of every dwell time, s; default: the machine's own."),
     click.option(
         "--v-min-mm-s",
@@ -109,7 +109,7 @@ bounds_options = _together(
     ),
 )
 
-unit_options = _together(
+unit_options = together(
     click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it."),
     click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file has none."),
     click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z."),

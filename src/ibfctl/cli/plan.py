@@ -17,6 +17,7 @@ from ibfctl.cli.options import (
     unit_options,
 )
 from ibfctl.cli.output import check_writable, print_json, print_lines
+from ibfctl.cli.placement import placed, placement_options
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import plan_lines, trade_off_table
 
@@ -53,6 +54,7 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 )
 @click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
 @covering_options
+@placement_options
 @bounds_options
 @click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
 @click.option("--max-time", type=POSITIVE, help="Longest run time, s: the best residual within it.")
@@ -110,7 +112,7 @@ def command(
         tikhonov=tikhonov if isinstance(tikhonov, float) else default.tikhonov,
         l_curve=tikhonov == _L_CURVE,
         trade_off=trade_off,
-        **choices,
+        **placed(choices),
     )
     with progress() as report:
         plan = plan_files(
@@ -134,6 +136,6 @@ def _advice(plan: Plan) -> list[tuple[str, str]]:
     """Say what the plan's figures do not hold: the factor that was found, and the speed advised for the steps."""
     from ibfctl.planning.advice import advised_speeds_mm_s
 
-    low, high = advised_speeds_mm_s(plan.path, plan.machine)
+    low, high = advised_speeds_mm_s(plan.stage_path, plan.machine)
     factor = [("Tikhonov factor", f"{plan.options.tikhonov:.2g}")] if plan.options.l_curve else []
     return [*factor, ("advised top speed", f"{low:.3g} to {high:.3g} mm/s (0.6 to 0.8 of the characteristic speed)")]

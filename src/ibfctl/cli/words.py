@@ -25,6 +25,7 @@ def plan_lines(figures: Mapping[str, Any]) -> Lines:
         ("run time", f"{figures['total_time_s']:.1f} s"),
         ("nodes, segments", f"{figures['nodes']}, {figures['segments']}"),
         ("path", path(figures["path"])),
+        *placement(figures.get("placement")),
         *([("dwell times", dwell_bounds(figures))] if "dwell_bounds" in figures else []),
         ("peak velocity", per_axis(figures["peak_velocity_mm_s"], "mm/s")),
         ("peak acceleration", per_axis(figures["peak_acceleration_mm_s2"], "mm/s²")),
@@ -129,6 +130,19 @@ def method_lines(figures: Mapping[str, Any]) -> list[str]:
         ]
         for method, row in methods.items():
             lines.append(f"{method:<24}" + "".join(f"{row[key]:>{form}}" for key, _, _, _, form in columns))
+    return lines
+
+
+def placement(figures: Mapping[str, Any] | None) -> Lines:
+    """Say how the part stands on the machine, and how well the fiducials agree."""
+    if figures is None:
+        return []
+    mirrored = ", mirrored" if figures["mirrored"] else ""
+    place = f"origin at {figures['offset_x_mm']:.4g}, {figures['offset_y_mm']:.4g} mm"
+    lines: Lines = [("part on the machine", f"{place}, rotated by {figures['rotation_deg']:.4g}°{mirrored}")]
+    if figures["fiducial_max_mm"] is not None:
+        off = f"{figures['fiducial_rms_mm']:.2g} mm RMS, at most {figures['fiducial_max_mm']:.2g} mm"
+        lines.append(("fiducials off by", off))
     return lines
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ibfctl.dwell.deposition import Grid
 from ibfctl.dwell.misfit import full_width_mm
 from ibfctl.dwell.operator import Precision, RemovalOperator, removal_of_samples
+from ibfctl.machine.placement import AS_MOUNTED, Placement
 from ibfctl.machine.program import IntArray, PvtProgram
 from ibfctl.surface.influence import InfluenceFunction
 
@@ -39,8 +40,8 @@ class MotionPoints:
     time_s: FloatArray
 
 
-def motion_points(program: PvtProgram, points: int) -> MotionPoints:
-    """Sample the cubics of a program at `points` Gauss points in time per segment."""
+def motion_points(program: PvtProgram, points: int, placement: Placement = AS_MOUNTED) -> MotionPoints:
+    """Sample the cubics of a program at `points` Gauss points in time per segment, on the part as it is placed."""
     node, weight = np.polynomial.legendre.leggauss(points)
     time_s = program.time_s
     tau = 0.5 * (node + 1) * time_s[:, None]
@@ -55,7 +56,7 @@ def motion_points(program: PvtProgram, points: int) -> MotionPoints:
         start = (end - axis.increment_counts)[:, None]
         counts = start + tau * v0 + u**2 * (3 * move - h * (2 * v0 + v1)) + u**3 * (h * (v0 + v1) - 2 * move)
         place[coordinate] = counts / axis.counts_per_mm
-    return MotionPoints(place["x"], place["y"], 0.5 * weight * time_s[:, None])
+    return MotionPoints(*placement.inverse(place["x"], place["y"]), 0.5 * weight * time_s[:, None])
 
 
 def points_per_segment(program: PvtProgram, influence: InfluenceFunction) -> int:
@@ -65,11 +66,18 @@ def points_per_segment(program: PvtProgram, influence: InfluenceFunction) -> int
 
 
 def executed_removal(
-    program: PvtProgram, grid: Grid, influence: InfluenceFunction, points: int | None = None
+    program: PvtProgram,
+    grid: Grid,
+    influence: InfluenceFunction,
+    points: int | None = None,
+    placement: Placement = AS_MOUNTED,
 ) -> FloatArray:
-    """Removal (ny, nx) in nm of the executed cubics of a program on the pixels of `grid`."""
+    """Removal (ny, nx) in nm of the executed cubics of a program on the pixels of `grid`, on the part as it is placed.
+
+    `influence` is as seen on the part.
+    """
     points = points or max(PREDICTION_POINTS, points_per_segment(program, influence))
-    motion = motion_points(program, points)
+    motion = motion_points(program, points, placement)
     return removal_of_samples(grid, influence, motion.x_mm.ravel(), motion.y_mm.ravel(), motion.time_s.ravel())
 
 
@@ -81,6 +89,7 @@ def executed_operator(
     influence: InfluenceFunction,
     points: int | None = None,
     precision: Precision = np.float64,
+    placement: Placement = AS_MOUNTED,
 ) -> RemovalOperator:
     """Removal operator from the times of the path's segments, spent along the executed cubics.
 
@@ -91,9 +100,11 @@ def executed_operator(
     segments
         Segments of the path.
     grid, influence
-        Where the removal is wanted, and of which tool.
+        Where the removal is wanted, and of which tool as seen on the part.
+    placement
+        How the part stands on the machine.
     """
-    motion = motion_points(program, points or points_per_segment(program, influence))
+    motion = motion_points(program, points or points_per_segment(program, influence), placement)
     total_s = np.bincount(source_segment, motion.time_s.sum(axis=1), minlength=segments)
     share = motion.time_s / total_s[source_segment][:, None]
     pieces = np.bincount(source_segment, minlength=segments)

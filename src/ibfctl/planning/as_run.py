@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ibfctl.dwell.deposition import grid_of
 from ibfctl.dwell.operator import removal_of_samples
 from ibfctl.errors import InputError
+from ibfctl.planning.job import seen_on_part
 from ibfctl.planning.plan import Plan
 from ibfctl.planning.target import Target
 from ibfctl.surface.levelling import peak_to_valley, rms
@@ -65,9 +66,10 @@ def as_run_figures(plan: Plan, x_mm: FloatArray, y_mm: FloatArray, sample_period
             "as-run figures: the gate was never open in the trace", "check the beam gate's output and sense"
         )
     surface, mask = plan.surface, plan.prediction.clear_aperture
-    grid = grid_of(surface)
-    removal_nm = removal_of_samples(grid, plan.influence, x_mm, y_mm, np.full(x_mm.shape, sample_period_s))
-    residual_nm = Target.of(surface, plan.influence, mask, plan.options).residual_map_nm(removal_nm)
+    grid, influence = grid_of(surface), seen_on_part(plan.influence, plan.options.placement)
+    place_mm = plan.options.placement.inverse(x_mm, y_mm)
+    removal_nm = removal_of_samples(grid, influence, *place_mm, np.full(x_mm.shape, sample_period_s))
+    residual_nm = Target.of(surface, influence, mask, plan.options).residual_map_nm(removal_nm)
     difference_nm = (removal_nm - plan.prediction.executed_removal_nm)[mask]
     return AsRun(
         removal_nm,

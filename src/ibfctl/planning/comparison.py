@@ -135,18 +135,18 @@ def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled:
         yield "pvt", motion_of_schedule(plain.scheduled)
         if jerk_max_mm_s3 is not None:
             limited = schedule(
-                job.path, dwell_s, job.machine, job.corridor_mm, stretch=True, jerk_max_mm_s3=jerk_max_mm_s3
+                job.stage_path, dwell_s, job.machine, job.corridor_mm, stretch=True, jerk_max_mm_s3=jerk_max_mm_s3
             )
             yield "pvt, jerk limited", motion_of_schedule(limited)
         classic = nnls_then_limits(job.ideal_problem(job.misfit), cancelled=cancelled)
         yield (
             "pvt, classic dwell times",
-            motion_of_schedule(schedule(job.path, classic.time_s, job.machine, job.corridor_mm, stretch=True)),
+            motion_of_schedule(schedule(job.stage_path, classic.time_s, job.machine, job.corridor_mm, stretch=True)),
         )
         best, _ = refine(job, plain, chosen.price_nm2_s, regularisation, cancelled)
         yield "pvt, motion in the loop", motion_of_schedule(best.scheduled)
-        yield "constant acceleration", constant_acceleration(job.path, dwell_s, job.machine)
-        yield "position mode", position_mode(job.path, dwell_s, job.machine)
+        yield "constant acceleration", constant_acceleration(job.stage_path, dwell_s, job.machine)
+        yield "position mode", position_mode(job.stage_path, dwell_s, job.machine)
 
     figures = {}
     for name, motion in motions():
@@ -164,6 +164,7 @@ def summary(compared: Mapping[str, ComparedPath]) -> dict[str, object]:
 
 def _figures(job: PlanningJob, motion: Motion) -> SchedulerFigures:
     x_mm, y_mm, time_s, _ = motion.samples()
+    place_mm = job.options.placement.inverse(x_mm, y_mm)
     return SchedulerFigures(
         motion.overshoot_mm,
         motion.excursion_mm,
@@ -171,5 +172,5 @@ def _figures(job: PlanningJob, motion: Motion) -> SchedulerFigures:
         motion.rms_acceleration_jump_mm_s2,
         motion.peak_acceleration_mm_s2,
         motion.total_time_s,
-        job.rms_nm(removal_of_samples(job.grid, job.influence, x_mm, y_mm, time_s)),
+        job.rms_nm(removal_of_samples(job.grid, job.influence, *place_mm, time_s)),
     )

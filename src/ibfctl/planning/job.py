@@ -20,6 +20,7 @@ from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import DwellProblem
 from ibfctl.errors import InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
+from ibfctl.machine.placement import Placement
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.aperture import check_sizes, clear_aperture_mask
 from ibfctl.planning.bounds import step_bounds
@@ -42,14 +43,16 @@ class PlanningJob:
 
     Attributes
     ----------
-    surface, influence, machine, options
+    surface, machine, options
         As given.
+    influence
+        As seen on the part.
     target
         What is to go from the clear aperture.
     misfit, coarse
         The same, averaged over cells, for the solver to finish and to search on.
     path
-        Nodes; its overrun included.
+        Nodes on the part; its overrun included.
     bounds
         Shortest and longest time of each segment.
     corridor_mm
@@ -71,6 +74,11 @@ class PlanningJob:
     def grid(self) -> Grid:
         """Pixels of the map."""
         return grid_of(self.surface)
+
+    @property
+    def stage_path(self) -> ToolPath:
+        """Nodes on the machine."""
+        return ToolPath(*self.options.placement(self.path.x_mm, self.path.y_mm))
 
     def rms_nm(self, removal_nm: FloatArray) -> float:
         """RMS of the residual after a removal (ny, nx)."""
@@ -124,10 +132,12 @@ def prepare(
     LimitsError
         If the path leaves the travel of an axis.
     """
+    influence = seen_on_part(influence, options.placement)
     check_sizes(surface, influence)
     mask = clear_aperture_mask(surface, options.clear_aperture)
     target = Target.of(surface, influence, mask, options)
     path = make_path(surface, mask, influence, options)
+    stage_path = ToolPath(*options.placement(path.x_mm, path.y_mm))
     misfit, coarse = (
         make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width), target.depth_nm)
         for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
@@ -141,9 +151,14 @@ def prepare(
         misfit,
         coarse,
         path,
-        step_bounds(path, machine, options),
+        step_bounds(stage_path, machine, options),
         corridor_of(options),
     )
+
+
+def seen_on_part(influence: InfluenceFunction, placement: Placement) -> InfluenceFunction:
+    """Return the tool of the machine as it works on a part that is placed so."""
+    return influence.turned(placement.matrix) if placement.turned else influence
 
 
 def corridor_of(options: PlanOptions) -> float:

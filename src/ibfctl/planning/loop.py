@@ -53,8 +53,8 @@ class Executed:
 
 def execute(job: PlanningJob, dwell_s: FloatArray) -> Executed:
     """Schedule dwell times (n,) and predict what the executed cubics leave."""
-    scheduled = schedule(job.path, dwell_s, job.machine, job.corridor_mm, stretch=True)
-    removal_nm = executed_removal(scheduled.program, job.grid, job.influence)
+    scheduled = schedule(job.stage_path, dwell_s, job.machine, job.corridor_mm, stretch=True)
+    removal_nm = executed_removal(scheduled.program, job.grid, job.influence, placement=job.options.placement)
     return Executed(dwell_s, scheduled, removal_nm, job.rms_nm(removal_nm))
 
 
@@ -108,6 +108,7 @@ def _corrected(
         job.misfit.grid,
         job.misfit.influence,
         precision=np.float32,
+        placement=job.options.placement,
     )
     # Where the limits asked for more time than wanted, less is no use.
     given_s = scheduled.segment_time_s

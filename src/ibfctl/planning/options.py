@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from ibfctl.dwell.trade_off import Aim
+from ibfctl.machine.placement import AS_MOUNTED, Placement
 from ibfctl.surface.regions import Region
 from ibfctl.surface.terms import Removed
 
@@ -43,6 +44,8 @@ class PlanOptions:
     dwell_bounds
         "machine" for the shortest times of the machine itself and the slowest speed; "ramp" for those of linear ramps
         between a slowest and a fastest speed as well (Zhang et al. 2021, Eq. 17).
+    placement
+        How the part stands on the machine: path and removal are in part coordinates, the program in the machine's.
     corridor_mm
         How far the executed path may leave its programmed segment; None for 5 % of the pitch.
     loop
@@ -68,6 +71,7 @@ class PlanOptions:
     dwell_min_s: float | None = None
     v_min_mm_s: float | None = None
     dwell_bounds: Bounds = "machine"
+    placement: Placement = AS_MOUNTED
     corridor_mm: float | None = None
     loop: bool = True
     aim: Aim = field(default_factory=Aim)

@@ -121,10 +121,12 @@ class Plan:
     ----------
     machine, options
         For which machine, and what the user chose.
-    path, dwell, program, certificate
-        What was decided, and the checks on its integers.
+    path, dwell
+        What was decided, on the part.
+    program, certificate
+        The same on the machine, and the checks on its integers.
     surface, influence, prediction
-        What was given and is expected; None where only a schedule was asked for.
+        What was given (the tool as on the machine) and is expected; None where only a schedule was asked for.
     rounds
         What each round of motion in the loop reached, the plain chain first; empty without the loop.
     trade_off
@@ -163,6 +165,8 @@ class Plan:
                 figures[f"{name}_pv_nm"] = peak_to_valley(values)
         if self.options.v_min_mm_s is not None:
             figures["dwell_bounds"] = self._bounds_figures()
+        if not self.options.placement.as_mounted:
+            figures["placement"] = asdict(self.options.placement)
         if self.trade_off:
             figures["trade_off"] = [asdict(point) for point in self.trade_off]
         return figures | {
@@ -179,7 +183,7 @@ class Plan:
 
     def _bounds_figures(self) -> dict[str, float]:
         """Range of the bounds, and how many of the times that were asked for lie on them, to a sample."""
-        bounds, asked_s = step_bounds(self.path, self.machine, self.options), self.dwell.time_s
+        bounds, asked_s = step_bounds(self.stage_path, self.machine, self.options), self.dwell.time_s
         sample_s = self.machine.sample_period_s
         return {
             "shortest_s": float(bounds.lower_s.min()),
@@ -187,6 +191,11 @@ class Plan:
             "steps_at_shortest": int((asked_s < bounds.lower_s + sample_s).sum()),
             "steps_at_longest": int((asked_s > bounds.upper_s - sample_s).sum()),
         }
+
+    @property
+    def stage_path(self) -> ToolPath:
+        """Nodes on the machine."""
+        return ToolPath(*self.options.placement(self.path.x_mm, self.path.y_mm))
 
     def path_figures(self) -> PathFigures:
         """Figures of the path over the clear aperture, where there is one."""

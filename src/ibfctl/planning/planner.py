@@ -77,7 +77,7 @@ def make_plan(
         corner = l_curve(job.ideal_problem(job.coarse), job.bounds.lower_s, Regularisation(), cancelled=stop)
         options = replace(options, tikhonov=corner.chosen)
     stage("solving dwell times", 0.1)
-    ideal = RemovalOperator(job.grid, influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
+    ideal = RemovalOperator(job.grid, job.influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
     regularisation = Regularisation(options.tikhonov)
     solved = solve_dwell(
         job, ideal, regularisation, stop, lambda share: report("solving dwell times", 0.1 + 0.5 * share)

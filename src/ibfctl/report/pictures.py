@@ -98,7 +98,7 @@ def _draw_velocities(plan: Plan, path: Path) -> None:
     map_in = _height_in(plan)
     figure = new_figure(map_in + 5.2)
     top, *traces = figure.subplots(3, 1, height_ratios=[map_in, 1.7, 1.7])
-    nodes_mm = np.column_stack([_nodes_mm(plan, "x"), _nodes_mm(plan, "y")])
+    nodes_mm = np.column_stack(plan.options.placement.inverse(_nodes_mm(plan, "x"), _nodes_mm(plan, "y")))
     speed_mm_s = np.hypot(*np.diff(nodes_mm, axis=0).T) / (plan.program.time_samples * plan.program.sample_period_s)
     _draw_along(
         figure, top, nodes_mm, plan.options.pitch_mm, speed_mm_s, "Mean speed of every segment", "speed / (mm/s)"

@@ -70,6 +70,7 @@ def plan(arguments: Arguments) -> Arguments:
     os.nice(_NICENESS)
     options = dict(arguments["options"])
     options["clear_aperture"] = _region(options["clear_aperture"])
+    options["placement"] = _placement(options["placement"])
     options["aim"] = Aim(**options["aim"])
     made = plan_files(
         MapFile(**arguments["map"]),
@@ -96,6 +97,20 @@ def _region(given: Any) -> Any:
         case None:
             return None
     return Rectangle(*given)
+
+
+def _placement(given: Any) -> Any:
+    """Make a placement from what is given, or fit it to fiducials."""
+    from ibfctl.machine.placement import AS_MOUNTED, Placement, fit_placement
+
+    match given:
+        case None:
+            return AS_MOUNTED
+        case {"fiducials_mm": pairs, "mirrored": mirrored, "limit_mm": limit_mm}:
+            pairs_mm = np.array(pairs)
+            return fit_placement(pairs_mm[:, :2], pairs_mm[:, 2:], mirrored=mirrored, limit_mm=limit_mm)
+    x_mm, y_mm = given["offset_mm"]
+    return Placement(x_mm, y_mm, given["rotation_deg"], given["mirrored"])
 
 
 def record_run(arguments: Arguments) -> Arguments:

@@ -82,6 +82,45 @@ class InfluenceFunction:
         resampled = InfluenceFunction(rate, pixel_mm)
         return InfluenceFunction(rate * (self.volume_rate_nm_mm2_s / resampled.volume_rate_nm_mm2_s), pixel_mm)
 
+    def turned(self, matrix: FloatArray) -> InfluenceFunction:
+        """Return the same function as seen in other directions.
+
+        Parameters
+        ----------
+        matrix : (2, 2) float64
+            Rotation or reflection, from directions in the result to directions in this function.
+        """
+        half_y, half_x = (0.5 * (size - 1) for size in self.rate_nm_s.shape)
+        (xx, xy), (yx, yy) = matrix
+        reach_x, reach_y = abs(xx) * half_x + abs(yx) * half_y, abs(xy) * half_x + abs(yy) * half_y
+        if np.abs(matrix).max() == 1.0:  # right angles: pixel to pixel, an even number as well
+            ny, nx = round(2 * reach_y) + 1, round(2 * reach_x) + 1
+        else:
+            ny, nx = 2 * int(np.ceil(reach_y)) + 1, 2 * int(np.ceil(reach_x)) + 1
+        y, x = (np.arange(size) - 0.5 * (size - 1) for size in (ny, nx))
+        places = np.stack(
+            [yx * x + yy * y[:, None] + half_y, xx * x + xy * y[:, None] + half_x]  # rows, columns
+        )
+        rate = ndimage.map_coordinates(self.rate_nm_s, places, order=3, mode="constant", cval=0.0)
+        # Splines ring where the rate ends at a step: beyond its pixels it is zero.
+        support = ndimage.map_coordinates(
+            (self.rate_nm_s != 0).astype(float), places, order=1, mode="constant", cval=0.0
+        )
+        rate = _trimmed(np.where(support > 0, rate, 0.0))
+        turned = InfluenceFunction(rate, self.pixel_mm)
+        return InfluenceFunction(rate * (self.volume_rate_nm_mm2_s / turned.volume_rate_nm_mm2_s), self.pixel_mm)
+
+
+def _trimmed(rate: FloatArray) -> FloatArray:
+    """Cut rows and columns of zeros at the rim, the centre kept."""
+    cuts = []
+    for axis in (1, 0):
+        used = np.flatnonzero((rate != 0).any(axis=axis))
+        size = rate.shape[1 - axis]
+        cut = max(min(int(used[0]), size - 1 - int(used[-1])), 0) if used.size else 0
+        cuts.append(slice(cut, size - cut))
+    return rate[tuple(cuts)]
+
 
 def gaussian(fwhm_mm: float, peak_nm_s: float, radius_mm: float, pixel_mm: float) -> InfluenceFunction:
     """Make a round Gaussian influence function, cut at `radius_mm`.

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.models import Page, PlanRecord
+from ibfctl.service.part import Aperture, Placing, Positive
 from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.routers.machines import MACHINE_FILE
@@ -32,25 +33,6 @@ PlanFile = Literal[
 ]
 _FILES: tuple[PlanFile, ...] = get_args(PlanFile)
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class CircularAperture(BaseModel):
-    """A circle on the part."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    circle: Annotated[tuple[Finite, Finite, Positive], Field(description="x, y and radius.")]
-
-
-class PolygonalAperture(BaseModel):
-    """A polygon on the part."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    polygon: Annotated[list[tuple[Finite, Finite]], Field(min_length=3, max_length=10_000, description="Corners x, y.")]
-
 
 class PlanRequest(BaseModel):
     """What to plan; options as those of `ibfctl plan`."""
@@ -66,13 +48,16 @@ class PlanRequest(BaseModel):
     step_mm: Positive = 0.5
     scan_axis: Literal["x", "y"] = "x"
     clear_aperture_mm: Annotated[
-        tuple[Finite, Finite, Finite, Finite] | CircularAperture | PolygonalAperture | None,
+        Aperture | None,
         Field(description="x0, x1, y0, y1, or a circle or a polygon; default: the whole map."),
     ] = None
     remove: Annotated[
         str, Field(pattern=r"^(none|piston|tilt|power|legendre:[0-8]|zernike:([1-9]|[123]\d|4[0-5]))$")
     ] = "tilt"
     extra_removal_nm: Annotated[Positive | None, Field(description="Depth that every place must lose.")] = None
+    placement: Annotated[
+        Placing | None, Field(description="How the part stands on the machine; default: in its coordinates.")
+    ] = None
     dwell_min_s: Positive | None = None
     v_min_mm_s: Annotated[
         Positive | None, Field(description="Slowest mean speed over a step: an upper bound of every dwell time.")
@@ -172,7 +157,8 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     """Return the arguments of the task that solves a plan, without its output."""
     surface, influence = service.maps.read(request.map_id), service.influences.read(request.influence_id)
     aim = {"margin", "max_time_s", "max_residual_nm"}
-    options = request.model_dump(exclude={"map_id", "influence_id", "machine_id", "clear_aperture_mm", *aim})
+    options = request.model_dump(exclude={"map_id", "influence_id", "machine_id", *aim})
+    aperture = options.pop("clear_aperture_mm")
     tool = influence.get("formula") or service.upload_of(service.influences, influence["id"])
     return {
         "map": {"path": service.upload_of(service.maps, surface["id"]), **surface["given"]},
@@ -180,7 +166,7 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
         "machine": str(_machine(request, service)),
         "options": {
             **options,
-            "clear_aperture": request.model_dump(include={"clear_aperture_mm"})["clear_aperture_mm"],
+            "clear_aperture": aperture,
             "aim": request.model_dump(include=aim, exclude_none=True),
         },
     }
