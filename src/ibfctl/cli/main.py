@@ -11,7 +11,7 @@ import click
 from ibfctl import __version__
 from ibfctl.errors import IbfctlError
 
-_VERBS = ("plan", "schedule", "compare", "simulate", "export", "demo", "serve", "keys", "abort")
+_VERBS = ("plan", "schedule", "compare", "tolerance", "simulate", "export", "demo", "serve", "keys", "abort")
 _EXIT_USAGE = 2
 _EXIT_INTERRUPTED = 130
 

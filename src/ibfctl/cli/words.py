@@ -146,6 +146,20 @@ def placement(figures: Mapping[str, Any] | None) -> Lines:
     return lines
 
 
+def tolerance_lines(figures: Mapping[str, Any]) -> list[str]:
+    """Return the tables of what runs leave, and of what every cause does alone."""
+    names = list(figures["rms_nm"]["percentiles"])
+    lines = [f"{'residual / nm':<16}{'predicted':>11}{'mean':>11}" + "".join(f"{name:>11}" for name in names)]
+    for name in ("rms", "pv"):
+        spread = figures[f"{name}_nm"]
+        values = [figures[f"predicted_{name}_nm"], spread["mean"], *spread["percentiles"].values()]
+        lines.append(f"{name.upper():<16}" + "".join(f"{value:>11.4f}" for value in values))
+    lines += ["", f"{'cause alone':<16}{'RMS / nm':>11}{'share':>11}"]
+    for cause, alone in figures["causes"].items():
+        lines.append(f"{cause.replace('_', ' '):<16}{alone['rms_nm']:>11.4f}{alone['share']:>11.1%}")
+    return lines
+
+
 def path(figures: Mapping[str, Any]) -> str:
     """Say the figures of a path."""
     gap = figures["largest_gap_mm"]
