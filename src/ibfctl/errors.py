@@ -79,6 +79,20 @@ class AbortedError(RunError):
     exit_code = 7
 
 
+class StoppedError(RunError):
+    """A run was stopped on request: gate closed, then decelerated."""
+
+    code = "stopped"
+    exit_code = 7
+
+
+class EstoppedError(RunError):
+    """An emergency stop ended a run; it is latched, or the axes have lost their power."""
+
+    code = "estopped"
+    exit_code = 7
+
+
 class CancelledError(IbfctlError):
     """Planning was cancelled on request; nothing was written."""
 

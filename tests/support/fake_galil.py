@@ -38,6 +38,9 @@ class FakeGalil:
         self.segments_per_poll = 20
         self.program: list[str] = []
         self.guard_line = -1
+        self.shutter_line = -1
+        self.elapsed = 0
+        self.variables: dict[str, int] = {}
         self._download: list[str] | None = None
         self._rate_hz = sample_rate_hz
         self._lock = threading.Lock()
@@ -131,10 +134,17 @@ class FakeGalil:
             return "".join(f"{line}\r\n" for line in self.program).encode("ascii") + b"\x1a:"
         if command in ("XQ #IBFGRD,0", "HX 0", "AB"):
             self.guard_line = 1 if command.startswith("XQ") else -1
+        if command in ("XQ #IBFCLS,1", "XQ #IBFGAT,1", "HX 1", "AB"):
+            self.shutter_line = 1 if command.startswith("XQ") else -1
         if command.startswith("MG _BTA,_BTB"):
             for letter in "AB":
                 self._go_on(letter)
+            self._shut_when_due()
+        if match := re.fullmatch(r"([a-z]\w*)=(.*)", command):
+            self._assign(match[1], match[2])
         if command.startswith("MG "):
+            if any(name not in self.variables for name in command[3:].split(",") if re.fullmatch(r"[a-z]\w*", name)):
+                return REFUSAL
             return self._text(" ".join(f"{self._value(name):.4f}" for name in command[3:].split(",")))
         if match := re.fullmatch(r"PV([AB])=(-?\d+),(-?\d+),(-?\d+)", command):
             self._queue(match[1], *(int(number) for number in match.groups()[1:]))
@@ -145,6 +155,22 @@ class FakeGalil:
         elif match := re.fullmatch(r"(BG|BT|SH|ST|MO) ([AB]+)", command):
             self._act(match[1], match[2])
         return PROMPT
+
+    def _assign(self, name: str, text: str) -> None:
+        """Numbers, the time, another variable, and the stamp that the first one leaves."""
+        if text == "gcls+((gcls=0)*TIME)":
+            self.variables[name] = self.variables.get(name) or self.variables.get("gbeg", 0) + self.elapsed
+        else:
+            self.variables[name] = self._time() if text == "TIME" else int(self.variables.get(text, 0) or text)
+
+    def _time(self) -> int:
+        return int(time.monotonic() * self._rate_hz) % 1_000_000_000
+
+    def _shut_when_due(self) -> None:
+        """The shutter's thread, as far as closing goes."""
+        if self.shutter_line >= 0 and self.executed["A"] >= self.variables["gclose"]:
+            self.shutter_line, self.outputs[1] = -1, 0
+            self._assign("gcls", "gcls+((gcls=0)*TIME)")
 
     def _queue(self, letter: str, move: int, velocity: int, time_samples: int) -> None:
         if time_samples == -1:
@@ -163,6 +189,7 @@ class FakeGalil:
                 self.stop_code[letter] = 4
             elif verb == "BT":
                 self.executed[letter], self.stop_code[letter] = 0, 30
+                self.elapsed = 0
 
     def _go_on(self, letter: str) -> None:
         for _ in range(self.segments_per_poll):
@@ -171,17 +198,20 @@ class FakeGalil:
             move, _, time_samples = self.queued[letter].pop(0)
             self.position[letter] += move
             self.executed[letter] += 1
+            self.elapsed += time_samples if letter == "A" else 0
             if time_samples == 0:
                 self.stop_code[letter] = 31
 
     def _value(self, name: str) -> float:
         if name == "TIME":
-            return int(time.monotonic() * self._rate_hz) % 1_000_000_000
+            return self._time()
+        if name in self.variables:
+            return self.variables[name]
         if match := re.fullmatch(r"@OUT\[(\d+)\]", name):
             return self.outputs.get(int(match[1]), 0)
         operand, letter = name[:3], name[3:]
         if operand == "_XQ":
-            return self.guard_line if letter == "0" else -1
+            return {"0": self.guard_line, "1": self.shutter_line}.get(letter, -1)
         return {
             "_PV": 255 - len(self.queued[letter]),
             "_BT": self.executed[letter],

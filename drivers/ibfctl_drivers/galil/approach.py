@@ -12,7 +12,7 @@ from ibfctl_drivers.galil.codec import acceleration, speed
 from ibfctl_drivers.galil.link import Link
 
 POLL_S = 0.005
-STOPPED_AT_TARGET = 1
+STOPPED_AT_TARGET, HOMED = 1, 10
 
 
 class Approach:
@@ -30,6 +30,7 @@ class Approach:
 
     def __init__(self, machine: MachineDescription, link: Link, reader: AxisReader) -> None:
         self._servo = machine.servo
+        self._homing = machine.homing
         self._axes: dict[str, Axis] = dict(machine.axes.items())
         self._letters = "".join(sorted(machine.axes))
         self._link = link
@@ -62,6 +63,42 @@ class Approach:
         for letter in position_counts:
             axis = self._axes[letter]
             self._link.tell(f"DC{letter}={acceleration(axis.a_max_mm_s2 * axis.counts_per_mm)}")
+
+    def home(self) -> None:
+        """Find the home place of every axis, call it by its position, and remember that on the controller.
+
+        The controller loses the variable `homedA` with its power, as it loses where the axis is.
+        """
+        if self._homing.method == "absolute":
+            return
+        for letter in self._letters:
+            axis = self._axes[letter]
+            scale = axis.counts_per_mm
+            self._link.tell(f"homed{letter}=0")
+            for name in ("AC", "DC"):
+                self._link.tell(f"{name}{letter}={acceleration(self._servo.approach_acceleration_mm_s2 * scale)}")
+            for name, speed_mm_s in (("SP", self._homing.speed_mm_s), ("HV", self._homing.creep_mm_s)):
+                self._link.tell(f"{name}{letter}={speed(speed_mm_s * scale)}")
+            self._link.tell(f"JG{letter}={speed(self._homing.creep_mm_s * scale)}")
+            self._link.tell(f"{'FI' if self._homing.method == 'index' else 'HM'} {letter}")
+            self._link.tell(f"BG {letter}")
+            deadline = time.monotonic() + self._servo.settle_timeout_s
+            while self._reader.status(letter).moving:
+                self._pause(deadline, f"find the home place of {letter}")
+            code = self._reader.status(letter).stop_code
+            if code != HOMED:
+                raise ControllerError(
+                    f"axis {letter} stopped with code {code} before it found its home place",
+                    "check the home switch and the encoder's index, and the machine file's [homing]",
+                )
+            self._link.tell(f"DP{letter}={round(axis.home_mm * axis.signed_counts_per_mm)}")
+            self._link.tell(f"homed{letter}=1")
+
+    def homed(self) -> dict[str, bool]:
+        """Whether each axis was homed since the controller has had power."""
+        if self._homing.method == "absolute":
+            return dict.fromkeys(self._letters, True)
+        return {letter: self._reader.variable(f"homed{letter}") == 1 for letter in self._letters}
 
     def stop(self) -> None:
         """Decelerate and wait until all axes stand."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ibfctl.machine.controller import AxisStatus
 from ibfctl_drivers.galil.codec import message_of, parse_integers
-from ibfctl_drivers.galil.link import Link
+from ibfctl_drivers.galil.link import Link, RejectedError
 
 
 class AxisReader:
@@ -26,6 +26,13 @@ class AxisReader:
         names = list(operands)
         question = message_of(names)
         return parse_integers(self._link.ask(question, after=after), len(names), question)
+
+    def variable(self, name: str) -> int | None:
+        """Return the value of a variable on the controller; None where there is none of that name."""
+        try:
+            return self.numbers([name])[0]
+        except RejectedError:
+            return None
 
     def status(self, letter: str) -> AxisStatus:
         """Return the full status of an axis."""

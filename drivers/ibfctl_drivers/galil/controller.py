@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ibfctl.errors import ControllerError, LinkError
-from ibfctl.machine.controller import AxisStatus, BufferStatus, ControllerIdentity
+from ibfctl.machine.controller import AxisStatus, BufferStatus, ControllerIdentity, Observer, Stamps
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import MotionProgram
 from ibfctl_drivers.galil import codec
@@ -14,23 +14,33 @@ from ibfctl_drivers.galil.approach import Approach
 from ibfctl_drivers.galil.axes import AxisReader
 from ibfctl_drivers.galil.clock import sample_period_s
 from ibfctl_drivers.galil.gate import GateOutput
-from ibfctl_drivers.galil.guard import THREAD_RUNS, Guard, guard_lines
+from ibfctl_drivers.galil.guard import CLOSER, OPENER, THREAD_RUNS, Guard, guard_lines
 from ibfctl_drivers.galil.handles import handles_to
 from ibfctl_drivers.galil.link import Link, RejectedError
-from ibfctl_drivers.galil.segments import PLACES, SegmentMode, mode_for
+from ibfctl_drivers.galil.segments import PLACES, SegmentMode, low_water, mode_for
+
+LATCH = "gestop"
+STAMPS = ("gbeg", "gopn", "gcls")
 
 _log = logging.getLogger(__name__)
 
 
-def connect(machine: MachineDescription) -> GalilController:
+def connect(machine: MachineDescription, on_exchange: Observer | None = None) -> GalilController:
     """Connect to the controller that the machine file names.
+
+    Parameters
+    ----------
+    machine
+        Where it is, and what it moves.
+    on_exchange
+        Told of everything that goes over the wire; see `Observer`.
 
     Raises
     ------
     LinkError
         If it cannot be reached or does not speak the protocol.
     """
-    controller = GalilController(machine)
+    controller = GalilController(machine, on_exchange)
     try:
         controller.greet()
     except BaseException:
@@ -49,8 +59,8 @@ class GalilController:
 
     buffer_places = PLACES
 
-    def __init__(self, machine: MachineDescription) -> None:
-        self._handles = handles_to(machine.connection)
+    def __init__(self, machine: MachineDescription, on_exchange: Observer | None = None) -> None:
+        self._handles = handles_to(machine.connection, on_exchange)
         self._letters = "".join(sorted(machine.axes))
         self._free = dict.fromkeys(self._letters, 0)
         self._queued = 0
@@ -64,8 +74,7 @@ class GalilController:
             self._abort = self._open("abort")
             self._reader = AxisReader(self._status)
             self._approach = Approach(machine, self._status, self._reader)
-            lines = guard_lines(self._letters, self._gate.close_command, self._gate.closed_condition)
-            self._guard = Guard(self._status, lines)
+            self._guard = Guard(self._status, guard_lines(self._letters, self._gate))
         except BaseException:
             self.close()
             raise
@@ -102,6 +111,7 @@ class GalilController:
 
     def servo_on(self) -> None:
         """Set the error limit and what follows from it, then switch the servos on."""
+        self._refuse_if_latched()
         self._approach.servo_on()
 
     def servo_off(self) -> None:
@@ -110,7 +120,37 @@ class GalilController:
 
     def move_to(self, position_counts: Mapping[str, int]) -> None:
         """Move at approach speed and wait; a later stop decelerates at the axes' own limit."""
+        self._refuse_if_latched()
         self._approach.move_to(position_counts)
+
+    def home(self) -> None:
+        """Find the home place of every axis, and have the controller remember that as long as it has power."""
+        self._refuse_if_latched()
+        self._approach.home()
+
+    def homed(self) -> Mapping[str, bool]:
+        """Whether each axis knows where it is, since the controller has had power."""
+        return self._approach.homed()
+
+    def latched(self) -> bool:
+        """Whether an emergency stop is latched on the controller."""
+        return self._reader.variable(LATCH) == 1
+
+    def soft_limits(self) -> Mapping[str, tuple[int, int]]:
+        """Least and greatest position that the controller lets each axis reach (`BL`, `FL`)."""
+        values = self._reader.numbers([f"_{name}{letter}" for letter in self._letters for name in ("BL", "FL")])
+        return {letter: (values[2 * k], values[2 * k + 1]) for k, letter in enumerate(self._letters)}
+
+    def read_inputs(self, digital: Sequence[int], analog: Sequence[int]) -> tuple[list[int], list[float]]:
+        """Read inputs in one round trip: levels, and volts."""
+        names = [f"@IN[{number}]" for number in digital] + [f"@AN[{number}]" for number in analog]
+        question = codec.message_of(names)
+        values = codec.parse_numbers(self._status.ask(question), len(names), question)
+        return [int(value) for value in values[: len(digital)]], values[len(digital) :]
+
+    def guard_owner_age_s(self) -> float | None:
+        """Seconds since somebody last gave the guard a sign of life; None where no guard runs."""
+        return self._guard.owner_age_s()
 
     def start_guard(self, patience_s: float) -> None:
         """Load the guard program, read it back and start it; from now on every poll is a sign of life."""
@@ -121,9 +161,12 @@ class GalilController:
         self._guard.stop()
 
     def prepare_segments(self, program: MotionProgram) -> None:
-        """Enter the program's mode and see that the buffers are empty."""
+        """Enter the program's mode, see that the buffers are empty, and forget the stamps of the motion before."""
+        self._refuse_if_latched()
         self._prepared, self._queued = mode_for(program), 0
-        for command in self._prepared.enter():
+        low = low_water(program, self._guard.low_water_samples()) if self._prepared.shutter else 0
+        stamps = [f"{name}=0" for name in (*STAMPS, "gend")]
+        for command in (*self._prepared.enter(), *stamps, f"glow={PLACES - low}"):
             self._status.tell(command)
         free = self.buffer_status().free_places
         if any(places != self.buffer_places for places in free.values()):
@@ -131,47 +174,68 @@ class GalilController:
 
     def queue_segments(self, program: MotionProgram, first: int, last: int) -> None:
         """Send segments `first` to `last` (exclusive) of every axis and check every prompt."""
-        lines = self._mode.lines(first, last)
+        lines = self._mode.lines(program, first, last)
         self._take_places(last - first)
         try:
-            self._stream.pipeline(lines)
+            self._stream.pipeline(lines, told_as=f"segments {first} to {last - 1}")
         except RejectedError as refusal:
             raise self._after_refusal(self._mode.place_of(refusal.index, first)) from refusal
 
     def queue_end(self) -> None:
-        """Send the end marker to every axis."""
+        """Send the end marker to every axis; from now on the guard lets the buffer run low."""
         self._take_places(1)
         try:
-            self._stream.pipeline(self._mode.end_lines())
+            self._stream.pipeline([*self._mode.end_lines(), b"gend=1\r"])
         except RejectedError as refusal:
             raise self._after_refusal("the end marker") from refusal
 
-    def begin_segments(self) -> None:
-        """Open the beam gate and start all axes in one packet, then read the gate back."""
+    def begin_segments(self, open_at: int, close_at: int) -> None:
+        """Start all axes in one packet: with the gate, or with the thread that opens it at a segment."""
+        lines = [self._mode.begin(), "gbeg=TIME"]
+        if self._mode.shutter:
+            self._status.pipeline([f"gopen={open_at}\r".encode("ascii"), f"gclose={close_at}\r".encode("ascii")])
+            lines.append(f"XQ {OPENER if open_at else CLOSER},1")
+        elif open_at:
+            raise ControllerError("a contour's gate opens with its begin", "run it from its begin")
+        if not open_at:
+            lines = [self._gate.open_command, *lines, "gopn=gbeg"]
         self._guard.beat_now()
-        lines = [f"{self._gate.open_command}\r", f"{self._mode.begin()}\r"]
         try:
-            self._stream.pipeline([line.encode("ascii") for line in lines])
+            self._stream.pipeline([f"{line}\r".encode("ascii") for line in lines])
         except RejectedError as refusal:
-            raise self._after_refusal(repr(lines[refusal.index].strip())) from refusal
+            raise self._after_refusal(repr(lines[refusal.index])) from refusal
         except LinkError:
             self._gate.close()
             raise
-        if not self._gate.is_open():
+        if not open_at and not self._gate.is_open():
             raise ControllerError("the beam gate did not open", "check its output and wiring")
 
+    def set_close_at(self, segment: int) -> None:
+        """Have the gate closed on the controller when so many segments are over."""
+        self._status.tell(f"gclose={segment}")
+
+    def stamps(self) -> Stamps:
+        """Read when the motion began and when the gate opened and closed, over the gate's handle."""
+        begun, opened, closed = self._gate.numbers(STAMPS)
+        return Stamps(begun or None, opened or None, closed or None)
+
     def buffer_status(self) -> BufferStatus:
-        """Poll counts and stop codes of all axes and the guard in one round trip, with a sign of life."""
+        """Poll all that the streamer needs in one round trip, with a sign of life."""
         letters, counts = self._letters, self._mode.operands()
-        codes = [f"_SC{letter}" for letter in letters]
-        values = self._reader.numbers([*counts, *codes, THREAD_RUNS], after=self._guard.beat())
+        others = [*(f"_SC{letter}" for letter in letters), *(f"_TP{letter}" for letter in letters)]
+        names = [*counts, *others, THREAD_RUNS, "TIME", self._gate.operand]
+        values = self._reader.numbers(names, after=self._guard.beat())
         executed, free = self._mode.counts(values[: len(counts)], self._queued)
         self._free = dict(zip(letters, free, strict=True))
+        codes = values[len(counts) :]
         return BufferStatus(
             free_places=dict(self._free),
             executed_segments=dict(zip(letters, executed, strict=True)),
-            stop_codes=dict(zip(letters, values[len(counts) : -1], strict=True)),
-            guard_runs=values[-1] >= 0,
+            stop_codes=dict(zip(letters, codes, strict=False)),
+            position_counts=dict(zip(letters, codes[len(letters) :], strict=False)),
+            guard_runs=values[-3] >= 0,
+            time_samples=values[-2],
+            gate_open=self._gate.means_open(values[-1]),
         )
 
     def status(self) -> Mapping[str, AxisStatus]:
@@ -190,9 +254,22 @@ class GalilController:
         """Decelerate all axes of the job to rest and wait until they stand."""
         self._approach.stop()
 
+    def halt(self) -> None:
+        """Close the gate, read it back, and only then decelerate the axes; waits for no other handle."""
+        self._gate.close(then=f"ST {self._letters}")
+
     def abort(self) -> None:
         """Close the gate and stop without deceleration; the bytes leave before anything is waited for."""
-        lines = f"{self._gate.close_command}\rAB\r".encode("ascii")
+        self._shout_on_any("AB")
+
+    def estop(self) -> None:
+        """Abort, switch the motors off, and latch that on the controller until it loses its power."""
+        self._shout_on_any("AB", f"MO {self._letters}", f"{LATCH}=1")
+
+    def _shout_on_any(self, *commands: str) -> None:
+        # AB ends the thread that may open the gate; what was opened before it is closed behind it.
+        first, *rest = commands
+        lines = [self._gate.close_command, first, self._gate.close_command, *rest, self._gate.stamp_command]
         try:
             self._shout(lines)
         except LinkError:
@@ -219,13 +296,21 @@ class GalilController:
             self._links.append(link)
         return link
 
-    def _shout(self, lines: bytes) -> None:
+    def _shout(self, lines: Sequence[str]) -> None:
+        data = "".join(f"{line}\r" for line in lines).encode("ascii")
         if self._handles.shared:
-            self._abort.shout(b"\r" + lines)
+            self._abort.shout(b"\r" + data)
             self._abort.abandon("an abort broke into it")
         else:
-            self._abort.shout(lines)
-            self._abort.heard(prompts=2)
+            self._abort.shout(data)
+            self._abort.heard(prompts=len(lines))
+
+    def _refuse_if_latched(self) -> None:
+        if self.latched():
+            raise ControllerError(
+                "an emergency stop is latched on the controller; nothing moves",
+                "find out why, make the machine safe, switch the controller off and on, and home it",
+            )
 
     def _take_places(self, places: int) -> None:
         """Book places that the last poll saw free: a PV line is never sent to a full buffer."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ibfctl.errors import ControllerError
 from ibfctl.machine.description import BeamGate
 from ibfctl_drivers.galil.codec import message_of, parse_integers
-from ibfctl_drivers.galil.link import Link
+from ibfctl_drivers.galil.link import Link, RejectedError
 
 ATTEMPTS = 3
+STAMP = "gcls=gcls+((gcls=0)*TIME)"
+"""Whoever closes the gate first since it was armed leaves the time; later ones leave it as it is."""
 
 
 class GateOutput:
@@ -31,18 +34,32 @@ class GateOutput:
         self.close_command = clear_line if opens_when_set else set_line
         self._level_when_open = int(opens_when_set)
         self.closed_condition = f"@OUT[{gate.output}]={1 - self._level_when_open}"
-        self._question = message_of([f"@OUT[{gate.output}]"])
+        self.stamp_command = STAMP
+        # The shutter's thread could be about to open it: closed first, and surely closed once that has been halted.
+        self.shut_commands = (self.close_command, "HX 1", self.close_command, STAMP)
+        self.operand = f"@OUT[{gate.output}]"
         self._open_link = open_link
         self._lock = threading.Lock()
         self._link = open_link()
+
+    def means_open(self, level: int) -> bool:
+        """Whether a level of the output opens the beam."""
+        return level == self._level_when_open
 
     def is_open(self) -> bool:
         """Read the output back from the controller."""
         with self._lock:
             return self._read()
 
-    def close(self) -> None:
-        """Close the gate and read it back, on fresh handles if need be.
+    def numbers(self, operands: Sequence[str]) -> list[int]:
+        """Ask over this handle, on a fresh one if need be."""
+        with self._lock:
+            self._connect()
+            question = message_of(operands)
+            return parse_integers(self._link.ask(question), len(operands), question)
+
+    def close(self, then: str | None = None) -> None:
+        """Close the gate and read it back, on fresh handles if need be; `then` follows once it reads closed.
 
         Raises
         ------
@@ -52,10 +69,12 @@ class GateOutput:
         with self._lock:
             for _ in range(ATTEMPTS):
                 try:
-                    if not self._link.is_open:
-                        self._link = self._open_link()
-                    self._link.tell(self.close_command)
+                    self._connect()
+                    with contextlib.suppress(RejectedError):  # what reads back decides; a lost variable stamps nothing
+                        self._link.pipeline([f"{line}\r".encode("ascii") for line in self.shut_commands])
                     if not self._read():
+                        if then is not None:
+                            self._link.tell(then)
                         return
                     trouble = ControllerError("the output still reads open")
                 except ControllerError as error:
@@ -64,10 +83,11 @@ class GateOutput:
             f"the beam gate could not be closed: {trouble.message}", "switch the beam off by hand now"
         ) from trouble
 
-    def disconnect(self) -> None:
-        """Give the handle back; never raises."""
-        self._link.close()
+    def _connect(self) -> None:
+        if not self._link.is_open:
+            self._link = self._open_link()
 
     def _read(self) -> bool:
-        (level,) = parse_integers(self._link.ask(self._question), 1, self._question)
-        return level == self._level_when_open
+        question = message_of([self.operand])
+        (level,) = parse_integers(self._link.ask(question), 1, question)
+        return self.means_open(level)

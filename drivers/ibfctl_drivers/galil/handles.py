@@ -6,6 +6,7 @@ import time
 from typing import Protocol
 
 from ibfctl.errors import LinkError
+from ibfctl.machine.controller import Observer
 from ibfctl.machine.description import Connection
 from ibfctl_drivers.galil.link import Link
 from ibfctl_drivers.galil.transport import SerialTransport, TcpTransport, Transport
@@ -34,9 +35,10 @@ class Handles(Protocol):
         """
 
 
-def handles_to(connection: Connection) -> Handles:
-    """Return the way that the machine file names."""
-    return TcpHandles(connection) if connection.serial is None else SerialLine(connection)
+def handles_to(connection: Connection, on_exchange: Observer | None = None) -> Handles:
+    """Return the way that the machine file names; `on_exchange` is told of everything on it."""
+    way = TcpHandles if connection.serial is None else SerialLine
+    return way(connection, on_exchange)
 
 
 class TcpHandles:
@@ -44,8 +46,9 @@ class TcpHandles:
 
     shared = False
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, on_exchange: Observer | None = None) -> None:
         self._connection = connection
+        self._on_exchange = on_exchange
 
     def open(self, name: str) -> Link:
         """Connect."""
@@ -57,7 +60,7 @@ class TcpHandles:
                 f"controller at {host}:{port} cannot be reached ({error})",
                 "check power, network, host and port in the machine file; all handles may be in use",
             ) from error
-        return Link(transport, name, timeout_s)
+        return Link(transport, name, timeout_s, self._on_exchange)
 
 
 class SerialLine:
@@ -65,8 +68,9 @@ class SerialLine:
 
     shared = True
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, on_exchange: Observer | None = None) -> None:
         self._connection = connection
+        self._on_exchange = on_exchange
         self._link: Link | None = None
 
     def open(self, name: str) -> Link:
@@ -91,7 +95,7 @@ class SerialLine:
                 f"controller at serial port {path} cannot be reached ({error})",
                 "check the cable, and serial and baud in the machine file",
             ) from error
-        return Link(transport, "serial", timeout_s)
+        return Link(transport, "serial", timeout_s, self._on_exchange)
 
 
 def _quieten(transport: Transport, timeout_s: float) -> None:

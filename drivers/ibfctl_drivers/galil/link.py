@@ -7,6 +7,7 @@ command. Such a link is closed at once and never used again, and so is one that 
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import re
 import threading
@@ -16,6 +17,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn, ParamSpec, TypeVar
 
 from ibfctl.errors import ControllerError, LinkError
+from ibfctl.machine.controller import Observer
 from ibfctl_drivers.galil.transport import Transport
 
 MAX_REPLY_BYTES = 65536
@@ -56,10 +58,15 @@ class Link:
         What the handle is for; it appears in messages.
     timeout_s
         How long any single reply may take.
+    on_exchange
+        Told of everything that goes over the wire.
     """
 
-    def __init__(self, transport: Transport, name: str, timeout_s: float) -> None:
+    def __init__(
+        self, transport: Transport, name: str, timeout_s: float, on_exchange: Observer | None = None
+    ) -> None:
         self._transport = transport
+        self._on_exchange = on_exchange
         self._name = name
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
@@ -101,8 +108,15 @@ class Link:
         """Send a command that answers without data; raises as `ask`."""
         self._request(command, with_data=False, after=None)
 
-    def pipeline(self, lines: Sequence[bytes]) -> None:
+    def pipeline(self, lines: Sequence[bytes], told_as: str | None = None) -> None:
         """Send complete lines that answer without data, several in flight, and check every prompt.
+
+        Parameters
+        ----------
+        lines
+            What is sent.
+        told_as
+            What the observer is told in place of many lines; a digest of them is added.
 
         Raises
         ------
@@ -113,7 +127,21 @@ class Link:
         """
         with self._lock:
             self._settle()
-            self._pump(lines)
+            try:
+                self._pump(lines)
+            except ControllerError as error:
+                self._tell(told_as, lines, str(error.message))
+                raise
+            self._tell(told_as, lines, ":" * len(lines) if told_as is None else ":")
+
+    def _tell(self, told_as: str | None, lines: Sequence[bytes], reply: str) -> None:
+        text = b"".join(lines)
+        digest = f"{told_as}, {len(lines)} lines, sha256 {hashlib.sha256(text).hexdigest()}"
+        self._note(text.decode("ascii").strip("\r") if told_as is None else digest, reply)
+
+    def _note(self, sent: str, reply: str) -> None:
+        if self._on_exchange is not None:
+            self._on_exchange(self._name, sent, reply, time.monotonic())
 
     def download(self, lines: Sequence[str]) -> None:
         """Replace the controller's program; it answers once for the program and once for the command.
@@ -128,6 +156,7 @@ class Link:
             for _ in range(2):
                 if not self._reply(deadline)[1]:
                     self._fail("the controller refused a program")
+            self._note(text.strip("\r"), "::")
 
     def upload(self) -> list[str]:
         """Return the lines of the controller's program; they end with a byte of their own."""
@@ -143,6 +172,7 @@ class Link:
             self._received.clear()
         if not _PRINTABLE.fullmatch(text):
             self._fail(f"malformed program {text[:40]!r}")
+        self._note("UL", text.decode("ascii"))
         return [line.rstrip() for line in text.decode("ascii").splitlines() if line.strip()]
 
     def shout(self, data: bytes) -> None:
@@ -151,12 +181,14 @@ class Link:
         Only for a handle that serves no other purpose, so that nobody else is in the middle of a reply.
         """
         self._send(data)
+        self._note(data.decode("ascii").strip("\r"), "")
 
     def heard(self, prompts: int) -> None:
         """Wait for the prompts of what was shouted; rejections raise `RejectedError`."""
         with self._lock:
             deadline = time.monotonic() + self._timeout_s
             accepted = [self._reply(deadline)[1] for _ in range(prompts)]
+        self._note("", "".join("?:"[good] for good in accepted))
         if not all(accepted):
             raise RejectedError("controller refused to abort", "use the emergency stop")
 
@@ -184,6 +216,7 @@ class Link:
         if after is not None and self._reply(deadline) != ("", True):
             self._fail(f"no bare prompt for {after!r}")
         text, accepted = self._reply(deadline)
+        self._note(command if after is None else f"{after}\r{command}", f"{text}{':' if accepted else '?'}")
         if self._received:
             self._fail(f"more than one reply to {command!r}: {bytes(self._received[:40])!r} too many")
         return text, accepted

@@ -30,7 +30,10 @@ class SegmentMode(Protocol):
     def enter(self) -> list[str]:
         """Return the commands that make the axes ready, with empty buffers."""
 
-    def lines(self, first: int, last: int) -> list[bytes]:
+    shutter: bool
+    """Whether the controller counts segments, so that it can open and close the gate at one of them."""
+
+    def lines(self, program: MotionProgram, first: int, last: int) -> list[bytes]:
         """Return complete lines for segments `first` to `last` (exclusive), checked against all ranges.
 
         Raises
@@ -60,25 +63,39 @@ def mode_for(program: MotionProgram) -> SegmentMode:
     return ContourMode(program) if isinstance(program, ContourProgram) else PvtMode(program)
 
 
+MOST_LOW_WATER = 16
+
+
+def low_water(program: MotionProgram, samples: int) -> int:
+    """How many waiting segments surely last for `samples`, whichever they are; never more than 16."""
+    ends = np.concatenate([[0], np.cumsum(program.time_samples)])
+    for segments in range(1, min(MOST_LOW_WATER, len(program))):
+        if np.min(ends[segments:] - ends[:-segments]) >= samples:
+            return segments
+    return MOST_LOW_WATER
+
+
 class PvtMode:
     """`PV` and `BT`: a queue of 255 places for every axis, each with its own counts."""
 
+    shutter = True
+
     def __init__(self, program: PvtProgram) -> None:
-        self._program = program
         self._letters = sorted(program.axes)
 
     def enter(self) -> list[str]:
         """Empty the queues."""
         return [f"PV{letter}=0,0,-1" for letter in self._letters]
 
-    def lines(self, first: int, last: int) -> list[bytes]:
+    def lines(self, program: MotionProgram, first: int, last: int) -> list[bytes]:
         """Return one line per axis and segment, the axes of a segment side by side."""
-        times = self._program.time_samples[first:last]
+        assert isinstance(program, PvtProgram)
+        times = program.time_samples[first:last]
         odd = (times < 2) | (times > MAX_SEGMENT_SAMPLES) | (times % 2 != 0)
         _refuse_where(odd, times, first, "time", "samples", f"even, 2 to {MAX_SEGMENT_SAMPLES}")
         columns = []
         for letter in self._letters:
-            axis = self._program.axes[letter]
+            axis = program.axes[letter]
             moves, speeds = axis.increment_counts[first:last], axis.end_velocity_counts_s[first:last]
             _refuse_beyond(moves, MAX_INCREMENT_COUNTS, first, f"axis {letter} move", "counts")
             _refuse_beyond(speeds, MAX_VELOCITY_COUNTS_S, first, f"axis {letter} velocity", "counts/s")
@@ -115,8 +132,9 @@ class ContourMode:
     more than 255 of them ever do, so that either fits.
     """
 
+    shutter = False
+
     def __init__(self, program: ContourProgram) -> None:
-        self._program = program
         self._letters = sorted(program.axes)
         self._places_per_record = 0
 
@@ -124,14 +142,15 @@ class ContourMode:
         """Pause, so that records can wait, and enter the mode."""
         return ["DT -1", f"CM {''.join(self._letters)}"]
 
-    def lines(self, first: int, last: int) -> list[bytes]:
+    def lines(self, program: MotionProgram, first: int, last: int) -> list[bytes]:
         """Return one line per segment."""
-        exponents = self._program.time_exponents[first:last]
+        assert isinstance(program, ContourProgram)
+        exponents = program.time_exponents[first:last]
         odd = (exponents < 1) | (exponents > MAX_CONTOUR_EXPONENT)
         _refuse_where(odd, exponents, first, "time exponent", "", f"1 to {MAX_CONTOUR_EXPONENT}")
         columns = []
         for letter in self._letters:
-            moves = self._program.axes[letter].increment_counts[first:last]
+            moves = program.axes[letter].increment_counts[first:last]
             _refuse_beyond(moves, MAX_CONTOUR_COUNTS, first, f"axis {letter} move", "counts")
             columns.append(moves.tolist())
         rows = zip(*columns, exponents.tolist(), strict=True)

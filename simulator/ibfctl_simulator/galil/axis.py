@@ -113,6 +113,10 @@ class Axis:
         """Whether the axis is being stopped because of a limit."""
         return self.stopping and self.stop_code in LIMIT_CODES.values()
 
+    def samples_until_executed(self, segments: int) -> int | None:
+        """Samples until `segments` PVT segments are over, as far as they are queued; None without PVT motion."""
+        return self.profile.samples_until(segments) if isinstance(self.profile, PvtProfile) else None
+
     def require_still(self) -> None:
         """Raise error 7 while the axis moves."""
         if self.profile is not None:

@@ -15,6 +15,7 @@ from ibfctl_simulator.galil.clock import SteppedClock
 from ibfctl_simulator.galil.faults import ALL
 from ibfctl_simulator.galil.handles import LETTERS
 from ibfctl_simulator.galil.server import Emulator
+from ibfctl_simulator.galil.state import ANALOG_INPUTS
 from ibfctl_simulator.galil.switches import Direction
 
 ABORT_INPUT, AMPLIFIER_FAULT = 6, 15
@@ -142,6 +143,12 @@ def _input(emulator: Emulator, number: int, level: int) -> None:
     emulator.controller.state.set_input(number, level)
 
 
+def _analog(emulator: Emulator, number: int, volts: float) -> None:
+    if not 1 <= number <= ANALOG_INPUTS:
+        raise ValueError(f"analog: no analog input {number}")
+    emulator.controller.state.analog_inputs[number - 1] = volts
+
+
 def _sample_time(emulator: Emulator, scale: float) -> None:
     state = emulator.controller.state
     state.set_time_setting(state.time_setting, scale)
@@ -202,6 +209,7 @@ COMMANDS: dict[str, ControlCommand] = {
     "abort-input": ControlCommand(_abort_input, {}, _NONE),
     "e-stop": ControlCommand(_emergency_stop, {}, _NONE),
     "input": ControlCommand(_input, {"number": _count, "level": _count}, _NONE),
+    "analog": ControlCommand(_analog, {"number": _count, "volts": float}, _NONE),
     "sample-time": ControlCommand(_sample_time, {"scale": _positive}, _NONE),
     "step": ControlCommand(_step, {"samples": _count}, _NONE),
     "clear": ControlCommand(_clear, {}, _NONE),

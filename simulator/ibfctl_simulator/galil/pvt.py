@@ -128,6 +128,17 @@ class PvtProfile:
         """Lose the waiting segments."""
         self._buffer.clear()
 
+    def samples_until(self, executed: int) -> int:
+        """Samples until the buffer has executed that many segments, or all that it holds."""
+        left, count = 0, self._buffer.executed
+        if self._active is not None:
+            left, count = self._active.time_samples - self._taken, count + 1
+        for segment in self._buffer.waiting:
+            if count >= executed:
+                break
+            left, count = left + segment.time_samples, count + 1
+        return max(left, 1)
+
     def _within(self, samples: int) -> list[Segment]:
         """Segments that cover the coming samples, the active one first, up to the end marker."""
         needed = self._taken + samples

@@ -6,7 +6,7 @@ takes a `MachineDescription` and returns an object with the methods of `MotionCo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -54,12 +54,53 @@ class BufferStatus:
         counts as one), and the stop code as in `AxisStatus`.
     guard_runs
         Whether the guard on the controller watches; it ends once it has had to act.
+    time_samples, position_counts
+        The controller's sample counter, and the encoder position per axis letter, of nearly the same moment.
+    gate_open
+        Whether the gate output reads open.
     """
 
     free_places: Mapping[str, int]
     executed_segments: Mapping[str, int]
     stop_codes: Mapping[str, int]
     guard_runs: bool
+    time_samples: int
+    position_counts: Mapping[str, int]
+    gate_open: bool
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """What the controller noted of one motion, on its own sample counter; None where it noted nothing.
+
+    Attributes
+    ----------
+    begun
+        When the axes began; the motion's first sample is the one after.
+    opened, closed
+        When the gate opened, and when it was first closed after that, whoever closed it.
+    """
+
+    begun: int | None
+    opened: int | None
+    closed: int | None
+
+
+class Observer(Protocol):
+    """Is told of everything on the wire, in the thread in which it happens; it must neither block nor raise."""
+
+    def __call__(self, handle: str, sent: str, reply: str, at_s: float) -> None:
+        """Note one exchange.
+
+        Parameters
+        ----------
+        handle
+            What the handle is for.
+        sent, reply
+            Text of both; a batch of segments is told as its number of lines, first and last line, and a digest.
+        at_s
+            Monotonic time of the reply.
+        """
 
 
 class MotionController(Protocol):
@@ -85,36 +126,71 @@ class MotionController(Protocol):
     def move_to(self, position_counts: Mapping[str, int]) -> None:
         """Move the named axes to absolute positions and wait until they stand there within tolerance."""
 
+    def home(self) -> None:
+        """Find the home place of every axis and call it by its position from the machine file.
+
+        That it was found is kept on the controller, which forgets it without power, as it forgets where it is.
+        """
+
+    def homed(self) -> Mapping[str, bool]:
+        """Whether each axis knows where it is since the controller has had power."""
+
+    def latched(self) -> bool:
+        """Whether an emergency stop is latched on the controller; then nothing moves."""
+
+    def soft_limits(self) -> Mapping[str, tuple[int, int]]:
+        """Least and greatest position, in counts, that the controller lets each axis reach."""
+
+    def read_inputs(self, digital: Sequence[int], analog: Sequence[int]) -> tuple[list[int], list[float]]:
+        """Read levels of digital inputs and volts of analog ones, in one round trip."""
+
+    def guard_owner_age_s(self) -> float | None:
+        """Controller seconds since anybody last gave a running guard a sign of life; None where none runs."""
+
     def start_guard(self, patience_s: float) -> None:
         """Load the guard onto the controller, read it back and start it.
 
         While the gate is open, the guard closes it on the controller itself when the motion is over, and
-        closes it and stops the axes on a limit, a position error, an empty buffer, a lost link, or when no
-        `buffer_status` was asked for during `patience_s` seconds of the controller.
+        closes it and stops the axes on a limit, a position error, a lost link, a buffer that is about to be empty
+        without an end marker, or when no `buffer_status` was asked for during `patience_s` seconds of the controller.
         """
 
     def stop_guard(self) -> None:
         """Halt the guard; only once the gate is closed and the axes stand."""
 
     def prepare_segments(self, program: MotionProgram) -> None:
-        """Make all axes of the job ready for this kind of program, with empty buffers and at rest."""
+        """Make all axes of the job ready for this kind of program, with empty buffers, at rest and without stamps."""
 
     def queue_segments(self, program: MotionProgram, first: int, last: int) -> None:
         """Send segments `first` to `last` (exclusive) of every axis and check every prompt.
 
-        There must be room for all of them by the last `buffer_status`. If one is refused, the gate is
+        `program` may differ from the one prepared in what has not been sent. There must be room for all of them by
+        the last `buffer_status`. If one is refused, the gate is
         closed before the reason is asked for, because what the buffers hold is no longer the plan.
         """
 
     def queue_end(self) -> None:
         """Send the end marker to every axis."""
 
-    def begin_segments(self) -> None:
-        """Open the beam gate and start all axes of the job on the same sample, as one act.
+    def begin_segments(self, open_at: int, close_at: int) -> None:
+        """Start all axes of the job on the same sample, and stamp it.
 
-        The gate is opened nowhere else. Both commands travel in one packet, so that the beam stands
-        still for no round trip; the gate is read back, and closed again if the axes were not started.
+        Parameters
+        ----------
+        open_at
+            When so many segments are over the controller opens the beam gate by itself and stamps that. At 0 the
+            gate opens as one act with the begin: both commands travel in one packet, so that the beam stands still
+            for no round trip; it is read back, and closed again if the axes were not started. The gate is opened
+            nowhere else.
+        close_at
+            When so many segments are over the controller closes the gate by itself and stamps that.
         """
+
+    def set_close_at(self, segment: int) -> None:
+        """Have the controller close the gate when so many segments are over; they must not be over yet."""
+
+    def stamps(self) -> Stamps:
+        """Read what the controller noted of the present or the last motion, over the gate's handle."""
 
     def buffer_status(self) -> BufferStatus:
         """Poll what the streamer needs, in as few round trips as the protocol allows."""
@@ -123,9 +199,10 @@ class MotionController(Protocol):
         """Full status of every axis of the job, by axis letter."""
 
     def close_gate(self) -> None:
-        """Switch the beam gate output to closed and read it back, from any thread.
+        """Switch the beam gate output to closed, stamp that, and read it back, from any thread.
 
-        It has a handle of its own and tries fresh ones where that is dead.
+        Whatever on the controller was to open it later, no longer does. It has a handle of its own and tries fresh
+        ones where that is dead.
         """
 
     def gate_is_open(self) -> bool:
@@ -133,6 +210,18 @@ class MotionController(Protocol):
 
     def stop(self) -> None:
         """Decelerate all axes of the job to rest (controlled stop)."""
+
+    def halt(self) -> None:
+        """Close the gate, read it back, and then have all axes decelerate, from any thread.
+
+        It uses the gate's handle, waits for no other, and does not wait until the axes stand.
+        """
+
+    def estop(self) -> None:
+        """Abort, switch the motors off, and latch that on the controller until it loses its power.
+
+        Callable as `abort`. No software takes the latch back.
+        """
 
     def abort(self) -> None:
         """Close the gate and stop all motion without deceleration, in this order, in one packet.

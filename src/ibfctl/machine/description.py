@@ -34,6 +34,7 @@ class Axis(_Section):
     v_max_mm_s: Positive
     a_max_mm_s2: Positive
     j_max_mm_s3: Positive | None = None
+    home_mm: Finite = 0.0
 
     @model_validator(mode="after")
     def _travel_is_a_range(self) -> Self:
@@ -56,6 +57,14 @@ class Servo(_Section):
     approach_speed_mm_s: Positive = 20.0
     approach_acceleration_mm_s2: Positive = 200.0
     settle_timeout_s: Positive = 120.0
+
+
+class Homing(_Section):
+    """How the axes learn where they are after power-up."""
+
+    method: Literal["absolute", "switch", "index"] = "switch"
+    speed_mm_s: Positive = 5.0
+    creep_mm_s: Positive = 0.5
 
 
 class BeamGate(_Section):
@@ -84,6 +93,7 @@ class MachineDescription(_Section):
     sample_period_s: Positive = 1 / 1024
     axes: dict[AxisLetter, Axis]
     servo: Servo = Servo()
+    homing: Homing = Homing()
     beam_gate: BeamGate
     connection: Connection = Connection()
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from ibfctl.errors import RunError
+from ibfctl.errors import EstoppedError, RunError
 from ibfctl.machine.controller import BufferStatus
 
-RAN_DRY = 32
+STOPPED, RAN_DRY = 4, 32
+EMERGENCY = (6, 11, 15)
+"""Abort input, selective abort input, and amplifiers without power."""
 
 LASTING_POLLS = 10
 """An answer names the axes one by one, so a segment may end in between, but not so many times in a row."""
@@ -13,7 +15,7 @@ LASTING_POLLS = 10
 HINTS = {
     2: "forward limit reached: check the limit switch and the part's position",
     3: "reverse limit reached: check the limit switch and the part's position",
-    4: "something else sent ST to the controller: see who else is connected",
+    STOPPED: "something else sent ST to the controller: see who else is connected",
     6: "the abort input was triggered: check the interlock chain",
     7: "something else sent AB to the controller: see who else is connected",
     8: "position error limit exceeded: check the stage for obstruction and the servo tuning",
@@ -44,10 +46,15 @@ class CountCheck:
 
     def __call__(self, status: BufferStatus, sent: int, end_sent: bool) -> None:
         """Raise `RunError` unless `status` is what `sent` segments (and an end marker) can lead to."""
+        for letter, code in status.stop_codes.items():
+            if code in EMERGENCY:
+                raise EstoppedError(f"emergency stop: axis {letter} stopped with code {code}", HINTS[code])
         if not status.guard_runs:
+            codes = ", ".join(f"{letter} {code}" for letter, code in status.stop_codes.items())
+            telling = [HINTS[code] for code in status.stop_codes.values() if code in HINTS and code != STOPPED]
             raise RunError(
-                "the guard on the controller closed the gate and stopped the axes",
-                "the host was silent for too long, a handle was lost, or an axis stopped: see the log",
+                f"the guard on the controller closed the gate and stopped the axes (stop codes {codes})",
+                telling[0] if telling else "the host was silent for too long, a handle was lost, or an axis stopped",
             )
         self._check_stop_codes(status, end_sent)
         self._check_lag(status)

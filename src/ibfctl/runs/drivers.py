@@ -6,14 +6,16 @@ from importlib.metadata import entry_points
 from typing import cast
 
 from ibfctl.errors import InputError
-from ibfctl.machine.controller import MotionController
+from ibfctl.machine.controller import MotionController, Observer
 from ibfctl.machine.description import MachineDescription
 
 GROUP = "ibfctl.drivers"
 
 
-def connect(machine: MachineDescription) -> MotionController:
+def connect(machine: MachineDescription, on_exchange: Observer | None = None) -> MotionController:
     """Connect to the machine's controller through the installed driver of the name in the machine file.
+
+    `on_exchange` is told of everything that goes over the wire.
 
     Raises
     ------
@@ -30,4 +32,4 @@ def connect(machine: MachineDescription) -> MotionController:
             f"driver {name!r} of machine {machine.name!r} is not installed", f"installed drivers: {installed}"
         )
     (entry,) = found
-    return cast(MotionController, entry.load()(machine))
+    return cast(MotionController, entry.load()(machine, on_exchange))

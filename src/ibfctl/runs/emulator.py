@@ -33,10 +33,11 @@ class EmulatedController:
     time_scale: float
 
     def in_place_of(self, machine: MachineDescription) -> MachineDescription:
-        """Return `machine` with the emulated controller instead of its own."""
+        """Return `machine` with the emulated controller, whose encoders are absolute, instead of its own."""
         address = {"host": self.host, "port": self.port, "serial": None}
         connection = machine.connection.model_copy(update=address)
-        return machine.model_copy(update={"connection": connection})
+        homing = machine.homing.model_copy(update={"method": "absolute"})
+        return machine.model_copy(update={"connection": connection, "homing": homing})
 
 
 @contextmanager

@@ -33,16 +33,25 @@ class SegmentLedger:
     """
 
     def __init__(self, program: MotionProgram, time_scale: float) -> None:
-        self._ends_s = np.concatenate([[0.0], np.cumsum(program.time_samples)]) * program.sample_period_s
         self._time_scale = time_scale
-        self._total = len(program)
+        self.replace(program)
         self._asked_at = math.inf
         self._surely_begun = 0
         self._began_at = math.inf
-        self.latest_end_at = math.inf
         self.sent = 0
         self.executed = 0
         self.minimum_margin_s = math.inf
+
+    def replace(self, program: MotionProgram) -> None:
+        """Go on with a program that differs only in what has not been sent."""
+        self._ends_s = np.concatenate([[0.0], np.cumsum(program.time_samples)]) * program.sample_period_s
+        self._total = len(program)
+        self.latest_end_at = math.inf
+
+    def within(self, ahead_s: float, at_least: int) -> int:
+        """How many segments in all may be sent, so that `ahead_s` controller seconds or `at_least` segments wait."""
+        last = int(np.searchsorted(self._ends_s, self._ends_s[self.executed] + ahead_s, side="right")) - 1
+        return min(max(last, self.executed + at_least), self._total)
 
     def begin(self, now: float) -> None:
         """Note that the motion begins at `now` or later."""

@@ -17,7 +17,15 @@ class RunProgress:
     margin_s
         Motion that the buffer surely still holds, in seconds of the controller.
     gate_open
-        Whether the beam gate is meant to be open.
+        Whether the beam gate's output reads open.
+    plan_sample
+        Where in the plan the tool is, in samples from its begin.
+    segment
+        Segment of the plan that is.
+    position_mm
+        Where the stages are, by coordinate.
+    minimum_margin_s
+        The least margin so far.
     """
 
     sent: int
@@ -25,6 +33,10 @@ class RunProgress:
     total: int
     margin_s: float
     gate_open: bool
+    plan_sample: int
+    segment: int
+    position_mm: Mapping[str, float]
+    minimum_margin_s: float
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The thread that closes the gate when the rest of the run cannot: on abort, and before the buffer is dry."""
+"""The thread that acts when the rest of the run cannot: on request, and before the buffer is dry."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from ibfctl.errors import AbortedError, ControllerError, RunError
+from ibfctl.errors import AbortedError, ControllerError, EstoppedError, RunError, StoppedError
 from ibfctl.machine.controller import MotionController
+from ibfctl.runs.requests import Requests, When
 
 TICK_S = 0.02
 
@@ -22,25 +23,28 @@ class Sentinel:
     """Watch over a run from a thread of its own, on the controller's gate and abort handles.
 
     The streaming thread may hang in a reply that does not come, or be starved. The sentinel needs neither
-    that thread nor its handles: when the deadline it was given passes without a new one, it closes the
-    gate; when `abort` is set, it aborts at once.
+    that thread nor its handles. When the deadline it was given passes without a new one, it closes the gate and then
+    has the axes decelerate, while the buffer still holds motion. Of requests it carries out what cannot wait: an
+    e-stop, an abort, a stop, and the gate's part of a pause at once.
 
     Parameters
     ----------
     controller
-        Its `close_gate` and `abort` are called from the sentinel's thread.
-    abort
-        Event that anybody may set.
+        Its `close_gate`, `halt`, `abort` and `estop` are called from the sentinel's thread.
+    requests
+        What anybody may ask of the run.
     """
 
-    def __init__(self, controller: MotionController, abort: threading.Event) -> None:
+    def __init__(self, controller: MotionController, requests: Requests) -> None:
         self._controller = controller
-        self._abort = abort
+        self._requests = requests
         self._deadline = math.inf
         self._fault: str | None = None
         self._missed: str | None = None
         self._finished = False
         self._thread = threading.Thread(target=self._watch, name="run-sentinel", daemon=True)
+        self.gate_shut = threading.Event()
+        """Set before the gate is closed for a pause at once; cleared by whoever begins the next motion."""
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -53,17 +57,29 @@ class Sentinel:
         self._thread.join()
 
     def expect_by(self, deadline: float, fault: str | None) -> None:
-        """Close the gate at `deadline` (monotonic clock) unless told otherwise before.
+        """Act at `deadline` (monotonic clock) unless told otherwise before.
 
-        With a `fault` the run must then end with an error; without, closing is all that is due.
+        With a `fault` the axes are stopped behind the closed gate, and the run must end with an error; without,
+        closing the gate is all that is due.
         """
         self._fault = fault
         self._deadline = deadline
 
+    def relax(self) -> None:
+        """Expect nothing: no axis moves."""
+        self._deadline = math.inf
+
     def error(self) -> RunError | None:
         """Return the error that the run must end with, if the sentinel has had to act."""
-        if self._abort.is_set():
+        if self._requests.estop_wanted:
+            return EstoppedError(
+                "emergency stop on request; the beam gate is closed and the motors are off",
+                "it stays latched until the controller was switched off and on and homed",
+            )
+        if self._requests.abort.is_set():
             return AbortedError("run aborted on request; the beam gate is closed")
+        if self._requests.stop_wanted:
+            return StoppedError("run stopped on request; the beam gate is closed")
         if self._missed is not None:
             return RunError(
                 f"{self._missed}; the beam gate was closed first",
@@ -78,17 +94,32 @@ class Sentinel:
             raise error
 
     def _watch(self) -> None:
-        aborted = False
+        done: set[Callable[[], None]] = set()
         while not self._finished:
-            pause_s = min(max(self._deadline - time.monotonic(), 0.0), TICK_S)
-            if aborted:
-                time.sleep(TICK_S)
-            elif self._abort.wait(pause_s):
-                aborted = True
-                self._act(self._controller.abort)
-            elif time.monotonic() >= self._deadline:
+            act = self._wanted()
+            if act is not None and act not in done:
+                done.add(act)
+                self._act(act)
+            elif time.monotonic() >= self._deadline and not done:
                 self._missed, self._deadline = self._fault, math.inf
+                self._act(self._controller.close_gate if self._fault is None else self._controller.halt)
+            elif self._requests.pause_wanted is When.NOW and not self.gate_shut.is_set():
+                self.gate_shut.set()
                 self._act(self._controller.close_gate)
+            else:
+                pause_s = min(max(self._deadline - time.monotonic(), 0.0), TICK_S)
+                if act is None:
+                    self._requests.abort.wait(pause_s)
+                else:
+                    time.sleep(pause_s)
+
+    def _wanted(self) -> Callable[[], None] | None:
+        """Return the gravest act that was asked for."""
+        if self._requests.estop_wanted:
+            return self._controller.estop
+        if self._requests.abort.is_set():
+            return self._controller.abort
+        return self._controller.halt if self._requests.stop_wanted else None
 
     def _act(self, action: Callable[[], None]) -> None:
         try:

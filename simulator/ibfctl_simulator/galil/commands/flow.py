@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import re
+
 from ibfctl_simulator.galil import errors
+from ibfctl_simulator.galil.arguments import AXIS_INDEX
 from ibfctl_simulator.galil.commands.request import Handler, Request
 from ibfctl_simulator.galil.errors import CommandError
+from ibfctl_simulator.galil.programs.thread import Wait
 from ibfctl_simulator.galil.state import INPUTS
 
+_COUNT_CONDITION = re.compile(r"_BT([A-H])(<|>=)([A-Za-z]\w*|\d+)")
 
-def jump(request: Request) -> None:
+
+def jump(request: Request) -> Wait | None:
     """`JP #label`, `JP #label,condition`."""
     thread = request.program_thread()
     place = _destination_if(request)
-    if place is not None:
-        thread.place = place
+    if place is None:
+        return None
+    if place == thread.place - 1:
+        spin = _spin(request)
+        if spin is not None:
+            return spin
+    thread.place = place
+    return None
 
 
 def call(request: Request) -> None:
@@ -85,6 +97,24 @@ def _destination_if(request: Request) -> int | None:
     if comma and request.value(condition) == 0.0:
         return None
     return destination(request, target)
+
+
+def _spin(request: Request) -> Wait | None:
+    """Wait instead of a statement that jumps to itself while a PVT count has not reached (or has) a number.
+
+    The statement would see the count change in the sample in which it changes, and so does the wait; but time need
+    not be cut into single samples for it.
+    """
+    condition = request.text.partition(",")[2]
+    match = _COUNT_CONDITION.fullmatch(condition.strip())
+    if match is None:
+        return None
+    axis = request.state.axes[AXIS_INDEX[match[1]]]
+    below, count = match[2] == "<", match[3]
+    return Wait(
+        lambda: request.value(condition) == 0.0,
+        lull=lambda: axis.samples_until_executed(int(request.value(count))) if below else None,
+    )
 
 
 def destination(request: Request, target: str) -> int:

@@ -102,8 +102,10 @@ class Engine:
             wait = thread.wait
             if wait is None or wait.poll or wait.done():
                 return 1
+            left = wait.lull() if wait.lull is not None else None
             if wait.due is not None:
                 left = wait.due - self._state.sample
+            if left is not None:
                 least = left if least is None else min(least, left)
         return None if least is None else max(1, least)
 

@@ -23,11 +23,13 @@ class Wait:
     done : tells whether the wait is over
     due : absolute sample at which it is over, if that is known
     poll : whether it can be over at any sample, so that each must be looked at
+    lull : tells for how many samples it surely goes on unless a command comes; None for any number
     """
 
     done: Callable[[], bool]
     due: int | None = None
     poll: bool = False
+    lull: Callable[[], int | None] | None = None
 
 
 @dataclass(frozen=True)

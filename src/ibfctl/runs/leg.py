@@ -1,0 +1,117 @@
+"""One continuous streamed motion, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from ibfctl.errors import AbortedError, EstoppedError, IbfctlError, StoppedError
+from ibfctl.machine.controller import Stamps
+from ibfctl.machine.description import MachineDescription
+from ibfctl.machine.program import IntArray, MotionProgram, PvtProgram
+from ibfctl.runs import seam
+from ibfctl.runs.polls import Polls
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A motion from rest to rest, and where it belongs in the plan.
+
+    Attributes
+    ----------
+    program
+        What is streamed.
+    open_at
+        Segments after which the gate opens; 0 opens it together with the motion.
+    first_plan_sample
+        Where in the plan that is, in samples from its begin.
+    """
+
+    program: MotionProgram
+    open_at: int = 0
+    first_plan_sample: int = 0
+
+    @classmethod
+    def resumed(cls, plan: PvtProgram, plan_sample: int, machine: MachineDescription) -> Leg:
+        """Return the leg that takes a plan up at a seam."""
+        way = seam.run_in(plan, plan_sample, machine)
+        return cls(way.program, way.open_at, way.plan_sample)
+
+    @cached_property
+    def ends_samples(self) -> IntArray:
+        """Samples from the leg's begin to the end of each segment, a zero first."""
+        return np.concatenate([[0], np.cumsum(self.program.time_samples)]).astype(np.int64)
+
+    @property
+    def shift_samples(self) -> int:
+        """What to add to a leg's sample to get the plan's, from where the run-in has joined it."""
+        return self.first_plan_sample - int(self.ends_samples[self.open_at])
+
+
+class LegEnd(StrEnum):
+    """How a leg ended."""
+
+    COMPLETED = "completed"
+    PAUSED = "paused"
+    STOPPED = "stopped"
+    ABORTED = "aborted"
+    ESTOPPED = "estopped"
+    FAULTED = "faulted"
+
+
+def end_of(error: BaseException) -> LegEnd:
+    """Name the end that an error is."""
+    for kind, end in (
+        (EstoppedError, LegEnd.ESTOPPED),
+        (AbortedError, LegEnd.ABORTED),
+        (StoppedError, LegEnd.STOPPED),
+    ):
+        if isinstance(error, kind):
+            return end
+    return LegEnd.FAULTED
+
+
+@dataclass(frozen=True)
+class LegOutcome:
+    """What became of a leg.
+
+    Attributes
+    ----------
+    leg
+        As it was streamed in the end, with the ramp of a pause.
+    end
+        How it ended.
+    error
+        What the run must end with, where it was neither completed nor paused.
+    open_plan_samples
+        Where in the plan the gate opened and closed; None where it never was open.
+    uncertainty_samples
+        By how many samples the closing may have been later than stated; 0 where the controller has stamped it.
+    sent, executed
+        Segments of the leg.
+    minimum_margin_s
+        Least motion surely left in the buffer while there was more to send, in controller seconds.
+    stop_codes, position_error_counts
+        By axis letter, at rest; empty where the controller could not be asked.
+    stamps
+        As the controller gave them; None where it could not be asked.
+    polls
+        All that was polled on the way.
+    """
+
+    leg: Leg
+    end: LegEnd
+    error: IbfctlError | None
+    open_plan_samples: tuple[int, int] | None
+    uncertainty_samples: int
+    sent: int
+    executed: int
+    minimum_margin_s: float
+    stop_codes: Mapping[str, int]
+    position_error_counts: Mapping[str, int]
+    stamps: Stamps | None
+    polls: Polls

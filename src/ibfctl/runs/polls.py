@@ -1,0 +1,55 @@
+"""What the controller said while it moved: its clock and its encoders, poll by poll."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.machine.controller import BufferStatus
+from ibfctl.machine.program import IntArray
+
+
+@dataclass(frozen=True)
+class Polls:
+    """All polls of one motion.
+
+    Attributes
+    ----------
+    time_samples : (n,) int64
+        The controller's sample counter.
+    host_s : (n,) float64
+        Monotonic clock of the host, halfway between question and answer.
+    position_counts : mapping of axis letter to (n,) int64
+        Encoder positions.
+    """
+
+    time_samples: IntArray
+    host_s: NDArray[np.float64]
+    position_counts: dict[str, IntArray]
+
+
+class PollLog:
+    """Collects polls, in a few bytes each."""
+
+    def __init__(self, letters: Sequence[str]) -> None:
+        self._time, self._host = array("q"), array("d")
+        self._positions = {letter: array("q") for letter in letters}
+
+    def add(self, status: BufferStatus, asked_at: float, answered_at: float) -> None:
+        """Keep one answer."""
+        self._time.append(status.time_samples)
+        self._host.append((asked_at + answered_at) / 2)
+        for letter, values in self._positions.items():
+            values.append(status.position_counts[letter])
+
+    def polls(self) -> Polls:
+        """Return what was collected."""
+        return Polls(
+            np.array(self._time, dtype=np.int64),
+            np.array(self._host, dtype=np.float64),
+            {letter: np.array(values, dtype=np.int64) for letter, values in self._positions.items()},
+        )
