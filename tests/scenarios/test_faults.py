@@ -21,6 +21,8 @@ SEGMENTS = 600
 TIMEOUT_S = 0.3
 
 
+STAMP = "gcls=gcls+((gcls=0)*TIME)"
+
 Fault = Callable[[FakeGalil, int, str], "bytes | None"]
 
 
@@ -318,5 +320,5 @@ def test_an_abort_leaves_gate_first_then_motion_in_one_packet_on_its_own_handle(
                 program(SEGMENTS, 2048), bench, controller, time_scale=SCALE, abort=abort,
                 on_progress=lambda _: abort.set(),
             )  # fmt: skip
-        assert galil.sent(ABORT) == ["CW 1", "CB 1", "AB"]
+        assert galil.sent(ABORT) == ["CW 1", "CB 1", "AB", "CB 1", STAMP]
         assert_gate_closed_before_stop(galil)

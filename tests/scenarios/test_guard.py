@@ -120,7 +120,9 @@ def test_a_gate_that_opens_when_clear_is_closed_by_setting_it() -> None:
             controller.close_gate()
         assert "SB 3" in galil.program
         assert "JP #IBFGRD,@OUT[3]=1" in galil.program
-        assert not any(line.startswith("CB") for line in galil.program)
+        opening = galil.program.index("CB 3")
+        assert galil.program[opening - 1] == "JP #IBFOPN,_BTA<gopen"
+        assert galil.program.count("CB 3") == 1
 
 
 def test_another_program_on_the_controller_is_not_overwritten() -> None:

@@ -166,8 +166,8 @@ class GalilController:
         self._prepared, self._queued = mode_for(program), 0
         low = low_water(program, self._guard.low_water_samples()) if self._prepared.shutter else 0
         stamps = [f"{name}=0" for name in (*STAMPS, "gend")]
-        for command in (*self._prepared.enter(), *stamps, f"glow={PLACES - low}"):
-            self._status.tell(command)
+        commands = (*self._prepared.enter(), *stamps, f"glow={PLACES - low}")
+        self._status.pipeline([f"{command}\r".encode("ascii") for command in commands])
         free = self.buffer_status().free_places
         if any(places != self.buffer_places for places in free.values()):
             raise ControllerError(f"segment buffers are not empty after clearing: free places {dict(free)}")
@@ -192,13 +192,13 @@ class GalilController:
     def begin_segments(self, open_at: int, close_at: int) -> None:
         """Start all axes in one packet: with the gate, or with the thread that opens it at a segment."""
         lines = [self._mode.begin(), "gbeg=TIME"]
+        if not open_at:
+            lines = [self._gate.open_command, *lines, "gopn=gbeg"]
         if self._mode.shutter:
             self._status.pipeline([f"gopen={open_at}\r".encode("ascii"), f"gclose={close_at}\r".encode("ascii")])
             lines.append(f"XQ {OPENER if open_at else CLOSER},1")
         elif open_at:
             raise ControllerError("a contour's gate opens with its begin", "run it from its begin")
-        if not open_at:
-            lines = [self._gate.open_command, *lines, "gopn=gbeg"]
         self._guard.beat_now()
         try:
             self._stream.pipeline([f"{line}\r".encode("ascii") for line in lines])

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ibfctl_drivers.galil.link import Link, RejectedError
 from ibfctl_drivers.galil.transport import Transport
-from support.fake_galil import FakeGalil
+from support.fake_galil import GATE, REFUSAL, FakeGalil
 from support.programs import connected, machine, program
 
 from ibfctl.errors import IbfctlError
@@ -125,7 +125,8 @@ def test_no_reply_at_any_place_makes_a_run_hang_or_lie(reply: bytes, place: int)
     def spoil(galil: FakeGalil, handle: int, command: str) -> bytes | None:
         if len(galil.log) != place + 1:
             return None
-        answered.append(galil.answer(command))
+        if handle != GATE:  # closing is tried again, and what reads back decides
+            answered.append(galil.answer(command))
         return reply
 
     started = time.monotonic()
@@ -134,4 +135,4 @@ def test_no_reply_at_any_place_makes_a_run_hang_or_lie(reply: bytes, place: int)
     if succeeded and answered:
         plain = bytes(byte for byte in reply if byte < 0x80)
         assert (plain == b":") == (answered[0] == b":")
-        assert plain.endswith(b":")
+        assert plain.endswith(b":") or plain == answered[0] == REFUSAL

@@ -8,16 +8,20 @@ from ibfctl_drivers.galil.segments import mode_for
 from support.programs import contour, program
 
 from ibfctl.errors import ControllerError, LimitsError
-from ibfctl.machine.program import PvtProgram
+from ibfctl.machine.program import MotionProgram, PvtProgram
 
 
 def test_the_axes_of_a_segment_stand_side_by_side() -> None:
     small = program(40)
-    first, second, third = mode_for(small).lines(3, 5)[:3]
+    first, second, third = lines_of(small, 3, 5)[:3]
     axis = small.axes["A"]
     assert first == b"PVA=%d,%d,60\r" % (axis.increment_counts[3], axis.end_velocity_counts_s[3])
     assert second.startswith(b"PVB=")
     assert third.startswith(b"PVA=")
+
+
+def lines_of(job: MotionProgram, first: int, last: int) -> list[bytes]:
+    return mode_for(job).lines(job, first, last)
 
 
 def changed(what: str, value: int) -> PvtProgram:
@@ -40,17 +44,17 @@ def changed(what: str, value: int) -> PvtProgram:
 )
 def test_ranges_are_checked_before_the_wire(what: str, allowed: list[int], refused: list[int]) -> None:
     for value in allowed:
-        lines = mode_for(changed(what, value)).lines(0, 40)
+        lines = lines_of(changed(what, value), 0, 40)
         assert max(map(len, lines)) <= 80
     for value in refused:
         with pytest.raises(LimitsError, match="segment 7"):
-            mode_for(changed(what, value)).lines(5, 40)
-    assert mode_for(changed(what, refused[0])).lines(8, 40)
+            lines_of(changed(what, value), 5, 40)
+    assert lines_of(changed(what, refused[0]), 8, 40)
 
 
 def test_a_contour_segment_is_one_line_for_all_axes() -> None:
     job = contour(40)
-    (line,) = mode_for(job).lines(3, 4)
+    (line,) = mode_for(job).lines(job, 3, 4)
     moves = [job.axes[letter].increment_counts[3] for letter in "AB"]
     assert line == b"CD %d,%d=%d\r" % (*moves, job.time_exponents[3])
     assert mode_for(job).end_lines() == [b"CD 0,0=0\r"]
@@ -68,7 +72,7 @@ def test_a_contour_knows_eight_times_only(exponent: int) -> None:
     times = job.time_exponents.copy()
     times[7] = exponent
     with pytest.raises(LimitsError, match="segment 7: time exponent"):
-        mode_for(replace(job, time_exponents=times)).lines(5, 10)
+        lines_of(replace(job, time_exponents=times), 5, 10)
 
 
 @pytest.mark.parametrize("places_per_record", [1, 2])

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from ibfctl.errors import RunError
+from ibfctl.errors import EstoppedError, RunError
 from ibfctl.machine.controller import BufferStatus
 from ibfctl.runs.counts import LASTING_POLLS, CountCheck
 
@@ -12,7 +12,8 @@ RUNNING, COMPLETE = 30, 31
 def poll(a: int, b: int, sent: int, code: int = RUNNING, *, active: int = 1, guard_runs: bool = True) -> BufferStatus:
     executed = {"A": a, "B": b}
     free = {letter: 255 - (sent - count - active) for letter, count in executed.items()}
-    return BufferStatus(free, executed, {"A": code, "B": code}, guard_runs=guard_runs)
+    codes, positions = {"A": code, "B": code}, {"A": 0, "B": 0}
+    return BufferStatus(free, executed, codes, guard_runs, time_samples=0, position_counts=positions, gate_open=True)
 
 
 def test_counts_that_agree_pass() -> None:
@@ -63,6 +64,12 @@ def test_complete_is_expected_only_once_the_end_marker_is_sent() -> None:
 def test_an_empty_buffer_has_its_own_hint() -> None:
     with pytest.raises(RunError, match="the buffer ran empty"):
         CountCheck(255, RUNNING, COMPLETE)(poll(10, 10, sent=200, code=32), 200, end_sent=False)
+
+
+@pytest.mark.parametrize("code", [6, 11, 15])
+def test_an_emergency_stop_is_named_even_where_the_guard_has_seen_it_first(code: int) -> None:
+    with pytest.raises(EstoppedError, match=f"code {code}"):
+        CountCheck(255, RUNNING, COMPLETE)(poll(10, 10, sent=200, code=code, guard_runs=False), 200, end_sent=False)
 
 
 def test_a_guard_that_has_acted_ends_the_run() -> None:
