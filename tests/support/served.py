@@ -9,12 +9,14 @@ from typing import Any
 
 import httpx
 import pytest
-import uvicorn
 
 from ibfctl.service.app import create_app
+from ibfctl.service.fleet import AT_REST
+from ibfctl.service.server import Server
 from ibfctl.service.settings import Settings
 
 PATIENCE_S = 60.0
+OVER = {"done", "failed", *AT_REST}
 
 
 def ended(client: httpx.Client, place: str) -> dict[str, Any]:
@@ -22,7 +24,7 @@ def ended(client: httpx.Client, place: str) -> dict[str, Any]:
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         record: dict[str, Any] = client.get(place).raise_for_status().json()
-        if record["state"] not in ("queued", "running"):
+        if record["state"] in OVER:
             return record
         time.sleep(0.02)
     pytest.fail(f"{place} is still {record}")
@@ -30,7 +32,7 @@ def ended(client: httpx.Client, place: str) -> dict[str, Any]:
 
 @contextmanager
 def serving(settings: Settings) -> Iterator[httpx.Client]:
-    server = uvicorn.Server(uvicorn.Config(create_app(settings), log_level="error", lifespan="on"))
+    server = Server(create_app(settings))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="service")
         thread.start()

@@ -40,23 +40,16 @@ def command(config: Path | None, **options: Any) -> None:
     settings = told.settings()
     listener = _listen(told.host, told.port, has_keys=_has_keys(settings.data))
     try:
-        import uvicorn
-
         from ibfctl.machine.description import read_machine
         from ibfctl.service.app import create_app
+        from ibfctl.service.server import Server
 
         read_machine(settings.machine)
         shown, bound = listener.getsockname()[:2]
         scheme = "http" if told.tls_certificate is None else "https"
         click.echo(f"serving on {scheme}://{shown}:{bound}, data in {settings.data}", err=True)
-        server = uvicorn.Config(
-            create_app(settings),
-            log_level="warning",
-            lifespan="on",
-            ssl_certfile=told.tls_certificate,
-            ssl_keyfile=told.tls_key,
-        )
-        uvicorn.Server(server).run(sockets=[listener])
+        tls = [None if path is None else str(path) for path in (told.tls_certificate, told.tls_key)]
+        Server(create_app(settings), *tls).run(sockets=[listener])
     finally:
         listener.close()
 

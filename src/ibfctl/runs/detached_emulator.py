@@ -16,6 +16,7 @@ from ibfctl.errors import ControllerError
 from ibfctl.files import atomic_path
 from ibfctl.machine.description import Connection
 from ibfctl.runs.emulator import END_TIMEOUT_S, LISTENING, START_TIMEOUT_S, EmulatedController
+from ibfctl.runs.launch import let_go
 from ibfctl.runs.lock import is_held, lock_path, take
 from ibfctl.runs.places import EMULATOR, EMULATOR_LOCK, EMULATOR_LOG
 
@@ -63,6 +64,11 @@ class DetachedEmulator:
         """Whether a run or an act holds the controller."""
         connection = Connection(host=self.controller.host, port=self.controller.port)
         return is_held(lock_path(connection))
+
+    def let_go(self) -> None:
+        """Leave it running."""
+        if self._process is not None:
+            let_go(self._process)
 
     def end(self) -> None:
         """End it in order.

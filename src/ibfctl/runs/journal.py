@@ -171,7 +171,12 @@ class Journal:
         return int(last)
 
     def events(
-        self, after: int = 0, run: str | None = None, kind: str | None = None, limit: int | None = None
+        self,
+        after: int = 0,
+        run: str | None = None,
+        kind: str | None = None,
+        limit: int | None = None,
+        without: Sequence[str] = (),
     ) -> list[Event]:
         """Return events in their order.
 
@@ -183,12 +188,17 @@ class Journal:
             Only those of a run, or of a kind.
         limit
             At most that many.
+        without
+            None of these kinds.
         """
         conditions, values = ["id > ?"], [after]
         for name, value in (("run", run), ("kind", kind)):
             if value is not None:
                 conditions.append(f"{name} = ?")
                 values.append(value)  # type: ignore[arg-type]
+        for unwanted in without:
+            conditions.append("kind != ?")
+            values.append(unwanted)  # type: ignore[arg-type]
         question = (
             "SELECT run, kind, data, key, wall, monotonic_s, token, id FROM event"  # noqa: S608 - fixed names
             f" WHERE {' AND '.join(conditions)} ORDER BY id LIMIT ?"

@@ -50,3 +50,9 @@ def start_worker(folder: Path) -> subprocess.Popen[bytes]:
             os.close(control)
     finally:
         os.close(lock)
+
+
+def let_go(process: subprocess.Popen[bytes]) -> None:
+    """Forget a child that is to outlive its parent, which would otherwise be warned that it still runs."""
+    if process.poll() is None:
+        process.returncode = 0

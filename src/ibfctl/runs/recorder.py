@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 class JournalWriter:
-    """Writes events of one run to the journal from a thread of its own.
+    """Writes events of one run, or of the service, to the journal from a thread of its own.
 
     While the journal is locked, full or broken, events wait in memory and in a side file; they are written in their
     order as soon as the journal takes them again, or by `absorb` when the next one opens the run's folder.
@@ -32,12 +32,12 @@ class JournalWriter:
     path
         The journal.
     run
-        Id of the run.
+        Id of the run; None for what the service does.
     side
         The side file; it is there only while the journal fails.
     """
 
-    def __init__(self, path: Path, run: str, side: Path) -> None:
+    def __init__(self, path: Path, run: str | None, side: Path) -> None:
         self._path = path
         self._run = run
         self._side = side

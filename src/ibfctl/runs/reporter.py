@@ -77,7 +77,7 @@ class RunReporter:
             check(self.state, new)
             self.state = new
             self._journal.record("state", data, key)
-        self._status.tell(state=new, reason=data.get("reason"), hint=data.get("hint"))
+        self._status.tell(state=new, **{name: data.get(name) for name in ("code", "reason", "hint")})
 
     @property
     def ended(self) -> bool:

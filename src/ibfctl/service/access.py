@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
@@ -13,15 +14,29 @@ from ibfctl.service.keys import KeyRing, Role
 from ibfctl.service.problems import MEDIA_TYPE, problem
 
 OPEN_PATHS = frozenset({"/healthz", "/readyz", "/openapi.json", "/docs"})
-_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _FOR_EVERY_KEY = ("/abort", "/estop")  # who sees a danger may end it
 _ADMIN_PREFIX = "/v1/machines"  # machine files hold the limits, and where runs are sent to
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
+@dataclass(frozen=True)
+class Holder:
+    """Who asks: the name and the id of the key; without keys whoever is at this computer."""
+
+    name: str = "local"
+    key: str | None = None
+
+    @classmethod
+    def of(cls, scope: Scope) -> Holder:
+        """Return who was let in with a request."""
+        found: Holder = scope.get("state", {}).get("holder", cls())
+        return found
+
+
 def needed_role(method: str, path: str) -> Role:
     """Return what a key must be allowed for a request."""
-    if method in _SAFE_METHODS or path.endswith(_FOR_EVERY_KEY):
+    if method in SAFE_METHODS or path.endswith(_FOR_EVERY_KEY):
         return Role.VIEW
     return Role.ADMIN if path.startswith(_ADMIN_PREFIX) else Role.OPERATE
 
@@ -56,7 +71,7 @@ class Access:
         if key.may < needed:
             detail = f"key {key.name} may {key.role}, this needs {needed.name.lower()}"
             return _refusal(403, "forbidden", detail, "use a key with that role")
-        scope.setdefault("state", {})["key"] = key
+        scope.setdefault("state", {})["holder"] = Holder(key.name, key.id)
         return None
 
 

@@ -10,10 +10,11 @@ from fastapi import FastAPI
 from ibfctl import __version__
 from ibfctl.service import problems
 from ibfctl.service.access import Access
+from ibfctl.service.audit import Audited
 from ibfctl.service.conditional import Conditional
 from ibfctl.service.keys import KeyRing
 from ibfctl.service.metrics import Measured, Requests
-from ibfctl.service.routers import influences, info, machines, maps, plans, runs
+from ibfctl.service.routers import events, influences, info, machines, maps, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
 
@@ -28,11 +29,8 @@ def create_app(settings: Settings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.service = State(settings, measured)
-        try:
+        async with State.opened(settings, measured) as app.state.service:
             yield
-        finally:
-            await app.state.service.close()
 
     app = FastAPI(
         title="ibfctl",
@@ -44,9 +42,10 @@ def create_app(settings: Settings) -> FastAPI:
     )
     problems.install(app)
     app.add_middleware(Conditional)
+    app.add_middleware(Audited)
     app.add_middleware(Access, keys=KeyRing(settings.data))
     app.add_middleware(Measured, requests=measured)
-    for module in (maps, influences, machines, plans, runs, info):
+    for module in (maps, influences, machines, plans, runs, events, info):
         app.include_router(module.router, prefix="/v1")
     app.include_router(info.health)
     return app

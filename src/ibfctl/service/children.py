@@ -10,7 +10,6 @@ from typing import Any
 
 Event = dict[str, Any]
 TASKS = "ibfctl.service.tasks"
-RUN_WORKER = "ibfctl.runs.child_worker"
 _LINE_LIMIT = 1 << 20
 _END_TIMEOUT_S = 20.0
 

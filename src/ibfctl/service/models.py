@@ -7,6 +7,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from ibfctl.machine.description import MachineDescription
+from ibfctl.runs.states import RunState
 from ibfctl.service.problems import Problem
 
 Item = TypeVar("Item")
@@ -117,37 +118,71 @@ class PlanRecord(Resource):
     error: Problem | None = None
 
 
-class RunProgress(BaseModel):
-    """How far a run is."""
+class Place(BaseModel):
+    """Where a run is."""
 
-    segment: Annotated[int, Field(description="Segments given to the controller.")]
-    executed: int
-    total: int
-    margin_s: Annotated[float, Field(description="Motion that the controller's buffer surely still holds.")]
-    gate: Literal["open", "closed"]
+    model_config = ConfigDict(extra="allow")
+
+    plan_sample: int | None = None
+    segment: int | None = None
+    x_mm: float | None = None
+    y_mm: float | None = None
+
+
+class InterlockStatus(BaseModel):
+    """An interlock: its last value, and whether that is in its band."""
+
+    value: float | None = None
+    ok: bool
+
+
+class RunStatus(BaseModel):
+    """What a run's worker tells about ten times a second; a field is absent until it is known."""
+
+    model_config = ConfigDict(extra="allow")
+
+    run: str
+    state: RunState
+    seq: Annotated[int, Field(description="Grows with every status.")]
+    at: Annotated[str, Field(description="UTC, ISO 8601.")]
+    simulated: bool | None = None
+    code: Annotated[str | None, Field(description="What ended it: `code` of its error.")] = None
+    reason: str | None = None
+    hint: str | None = None
+    place: Place | None = None
+    sent: Annotated[int | None, Field(description="Segments given to the controller.")] = None
+    executed: Annotated[int | None, Field(description="Segments that it has executed.")] = None
+    total: Annotated[int | None, Field(description="Segments of the plan.")] = None
+    margin_s: Annotated[float | None, Field(description="Motion that the controller's buffer surely holds.")] = None
+    minimum_margin_s: Annotated[float | None, Field(description="The least of it so far.")] = None
+    gate: Literal["open", "closed", "unknown"] | None = None
+    progress: Annotated[float | None, Field(description="Share of the plan's time, 0 to 1.")] = None
+    eta_s: Annotated[float | None, Field(description="Time to the end.")] = None
+    eta_pause_s: Annotated[float | None, Field(description="Time to the next place where it would pause.")] = None
+    residual_rms_nm: Annotated[float | None, Field(description="Residual that the run so far leaves.")] = None
+    journal_ok: Annotated[bool | None, Field(description="False while the journal cannot be written.")] = None
+    interlocks: dict[str, InterlockStatus] | None = None
+    worker_pid: int | None = None
 
 
 class RunFigures(BaseModel):
-    """The figures of `ibfctl simulate --json`; residuals only where an emulated controller left a trace."""
+    """What a run has left: the figures of its run file."""
 
     model_config = ConfigDict(extra="allow")
 
     as_run_rms_nm: float | None = None
     as_run_pv_nm: float | None = None
-    max_difference_nm: float | None = None
-    segments_executed: int
-    final_position_error_counts: ByAxis
-    minimum_buffer_margin_s: float
-    stop_codes: ByAxis
+    max_difference_nm: Annotated[float | None, Field(description="As-run against executed removal, largest.")] = None
 
 
 class RunRecord(Resource):
-    """A run: `progress` while it moves, then `figures` or `error`."""
+    """A run: `status` while its worker lives, then `figures` or `error`."""
 
-    state: Literal["running", "done", "aborted", "failed"]
+    state: RunState
     plan_id: str
     simulated: bool
-    progress: RunProgress | None = None
+    operator: str
+    status: RunStatus | None = None
     figures: RunFigures | None = None
     error: Problem | None = None
 

@@ -113,16 +113,19 @@ def _placement(given: Any) -> Any:
     return Placement(x_mm, y_mm, given["rotation_deg"], given["mirrored"])
 
 
-def record_run(arguments: Arguments) -> Arguments:
-    """Find what a finished run removed, and write the run file; return its figures."""
-    from ibfctl.jobs.plan_files import hashed
-    from ibfctl.jobs.rehearsal import record
-    from ibfctl.planning.file import read_plan
-    from ibfctl.runs.outcome import RunOutcome
+def run_report(arguments: Arguments) -> Arguments:
+    """Return the figures of a run file."""
+    from ibfctl.jobs.run_file import read_as_run
 
-    path = Path(arguments["plan"])
-    outcome = RunOutcome(**arguments["outcome"])
-    return record(read_plan(path), hashed(path), outcome, Path(arguments["trace"]), Path(arguments["output"])).summary()
+    as_run = read_as_run(Path(arguments["run"]))
+    if as_run is None:
+        return {}
+    return {
+        "as_run_rms_nm": as_run.rms_nm,
+        "as_run_pv_nm": as_run.pv_nm,
+        "max_difference_nm": as_run.max_difference_nm,
+        "rms_difference_nm": as_run.rms_difference_nm,
+    }
 
 
 def preview_map(arguments: Arguments) -> Arguments:
@@ -182,7 +185,7 @@ TASKS: dict[str, Callable[[Arguments], Arguments]] = {
     "inspect-map": inspect_map,
     "inspect-influence": inspect_influence,
     "plan": plan,
-    "record-run": record_run,
+    "run-report": run_report,
     "preview-map": preview_map,
     "plan-files": plan_files_of,
     "run-files": run_files_of,

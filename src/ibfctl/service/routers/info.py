@@ -34,7 +34,7 @@ async def show_info(service: Service) -> Info:
         version=__version__,
         machine=read_machine(service.settings.machine).name,
         simulated=service.settings.simulate,
-        running=list(service.running),
+        running=service.fleet.living,
     )
 
 

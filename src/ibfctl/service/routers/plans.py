@@ -163,7 +163,7 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     return {
         "map": {"path": service.upload_of(service.maps, surface["id"]), **surface["given"]},
         "influence": {"spec": tool, **influence["given"]},
-        "machine": str(_machine(request, service)),
+        "machine": str(machine_of(service, request.machine_id)),
         "options": {
             **options,
             "clear_aperture": aperture,
@@ -172,11 +172,11 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     }
 
 
-def _machine(request: PlanRequest, service: State) -> Path:
-    """Return the path of the machine file to plan for."""
-    if request.machine_id is None:
+def machine_of(service: State, identity: str | None) -> Path:
+    """Return the path of a machine file; without an id that of the service's own machine."""
+    if identity is None:
         return service.settings.machine
-    return service.machines.path(service.machines.read(request.machine_id)["id"], MACHINE_FILE)
+    return service.machines.path(service.machines.read(identity)["id"], MACHINE_FILE)
 
 
 async def _solve(service: State, identity: str, arguments: dict[str, Any]) -> None:

@@ -1,44 +1,74 @@
-"""Runs: a plan streamed to the controller by a worker process of its own; one at a time."""
+"""Runs: a plan streamed to its controller by a worker process of its own; acts are passed on to that."""
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
-from ibfctl.service.children import RUN_WORKER, TASKS, Child
+from ibfctl.errors import RunError
+from ibfctl.runs.job import Address, Job
+from ibfctl.runs.states import TRANSITIONS, RunState
+from ibfctl.service.access import Holder
+from ibfctl.service.fleet import AT_REST, error_of
 from ibfctl.service.models import Page, RunRecord
-from ibfctl.service.problems import ServiceError, problem
+from ibfctl.service.problems import ServiceError
 from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
-from ibfctl.service.state import ENDED_WITH_SERVICE, Service, State
+from ibfctl.service.routers.plans import machine_of
+from ibfctl.service.state import Asking, Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
 RunFile = Literal["run.h5", "residual.npz", "residuals.png"]
 _FILES: tuple[RunFile, ...] = get_args(RunFile)
+_Text = Annotated[str, Field(min_length=1, max_length=200)]
+_MAY: dict[str, RunState] = {"pause": RunState.PAUSING, "resume": RunState.RESUMING}
 
 
 class RunRequest(BaseModel):
     """What to run."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"plan_id": "019ab2c4d5e6f708"}]})
 
     plan_id: str
+    operator: Annotated[_Text | None, Field(description="Who starts it; default: the name of the key.")] = None
+
+
+class PauseRequest(BaseModel):
+    """When to pause."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    when: Annotated[
+        Literal["safe-point", "now"],
+        Field(description="At the next end of a segment, or with the gate closed at once."),
+    ] = "safe-point"
+
+
+class InterlockRequest(BaseModel):
+    """A value for an interlock of the machine file."""
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"name": "beam_current", "value": 1.2}]})
+
+    name: Annotated[_Text, Field(description="Name in the machine file.")]
+    value: Annotated[float, Field(allow_inf_nan=False, description="In the unit of its band.")]
 
 
 @router.post(
     "", status_code=202, response_model=RunRecord, response_model_exclude_none=True, responses=refusals(404, 409)
 )
-async def start_run(request: RunRequest, response: Response, service: Service, key: IdempotencyKey = None) -> Record:
-    """Stream a plan to the controller of the machine file, or to an emulated one."""
+async def start_run(
+    request: RunRequest, response: Response, service: Service, asking: Asking, key: IdempotencyKey = None
+) -> Record:
+    """Stream a plan to the controller of its machine, or to an emulated one; one run at a time on each machine."""
     fingerprint = fingerprint_of(request.model_dump())
     async with service.starting_run:
         record = service.runs.recall(key, fingerprint)
         if record is None:
-            record = await _start(request.plan_id, service)
+            record = await _start(request, service, asking)
             service.runs.remember(key, fingerprint, record["id"])
     response.headers["Location"] = f"/v1/runs/{record['id']}"
     return _shown(service, record)
@@ -52,30 +82,72 @@ async def list_runs(service: Service, limit: Limit = 100, after: After = None) -
 
 @router.get("/{identity}", response_model=RunRecord, response_model_exclude_none=True, responses=refusals(404))
 async def show_run(identity: Identity, service: Service) -> Record:
-    """Show a run: progress with the buffer margin in seconds while it moves, then its figures or what failed."""
+    """Show a run: its state and its newest status, then its figures or what ended it."""
     return _shown(service, service.runs.read(identity))
 
 
-@router.post(
-    "/{identity}/abort",
-    status_code=202,
-    response_model=RunRecord,
-    response_model_exclude_none=True,
-    responses=refusals(404),
-)
-async def abort_run(identity: Identity, service: Service) -> Record:
-    """Close the beam gate and stop all motion at once; a run that is over stays as it is."""
-    if identity in service.running:
-        await service.running[identity].tell("abort")
-    return _shown(service, service.runs.read(identity))
+_ACT: dict[str, Any] = {
+    "status_code": 202,
+    "response_model": RunRecord,
+    "response_model_exclude_none": True,
+    "responses": refusals(404, 409),
+}
+
+
+@router.post("/{identity}/pause", **_ACT)
+async def pause_run(
+    identity: Identity, service: Service, asking: Asking, request: PauseRequest | None = None
+) -> Record:
+    """Pause: ramp to rest along the path with the gate closed."""
+    when = (request or PauseRequest()).when
+    return _pass_on(service, identity, asking, {"act": "pause", "when": when})
+
+
+@router.post("/{identity}/resume", **_ACT)
+async def resume_run(identity: Identity, service: Service, asking: Asking) -> Record:
+    """Go on where a pause has stopped; the gate opens at the same place of the path, at speed."""
+    return _pass_on(service, identity, asking, {"act": "resume"})
+
+
+@router.post("/{identity}/stop", **_ACT)
+async def stop_run(identity: Identity, service: Service, asking: Asking) -> Record:
+    """Close the gate, decelerate to rest, and end the run."""
+    return _pass_on(service, identity, asking, {"act": "stop"})
+
+
+@router.post("/{identity}/abort", **_ACT)
+async def abort_run(identity: Identity, service: Service, asking: Asking) -> Record:
+    """Close the gate and stop all motion at once; a run that is over stays as it is. Open to every key."""
+    return _pass_on(service, identity, asking, {"act": "abort"})
+
+
+@router.post("/{identity}/estop", **_ACT)
+async def estop_run(identity: Identity, service: Service, asking: Asking) -> Record:
+    """Close the gate, stop all motion at once, switch the motors off, and let nothing move. Open to every key.
+
+    Only switching the controller's power off and on, and homing, end it.
+    """
+    return _pass_on(service, identity, asking, {"act": "estop"})
+
+
+@router.post("/{identity}/confirm", **_ACT)
+async def confirm_run(identity: Identity, service: Service, asking: Asking) -> Record:
+    """Confirm what the run waits for, such as a change of the tool."""
+    return _pass_on(service, identity, asking, {"act": "confirm"})
+
+
+@router.post("/{identity}/interlock", **_ACT)
+async def push_interlock(identity: Identity, request: InterlockRequest, service: Service, asking: Asking) -> Record:
+    """Push the value of an interlock, e.g. the beam current; out of its band the run pauses with the gate closed."""
+    return _pass_on(service, identity, asking, {"act": "interlock", **request.model_dump()})
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
 async def get_run_file(identity: Identity, name: RunFile, service: Service) -> FileResponse:
-    """Download a file of a simulated run."""
+    """Download a file of a run that is over: the run file, or what is left of the error as a table or a picture."""
     record = service.runs.read(identity)
-    if record["state"] != "done" or not record["simulated"]:
-        raise ServiceError(409, f"runs/{identity}: has no files", "only a simulated run that is done has them")
+    if service.fleet.state(identity) not in AT_REST:
+        raise ServiceError(409, f"runs/{identity}: is under way", "wait for its end")
     arguments = {
         "plan": str(service.plans.path(record["plan_id"], "plan.h5")),
         "run": str(service.runs.path(identity, "run.h5")),
@@ -85,63 +157,67 @@ async def get_run_file(identity: Identity, name: RunFile, service: Service) -> F
 
 @router.delete("/{identity}", status_code=204, responses=refusals(404, 409, 412))
 async def delete_run(identity: Identity, service: Service) -> None:
-    """Delete a run that is over."""
+    """Delete the files of a run that is over; what it did stays in the journal."""
     service.runs.read(identity)
-    if identity in service.running:
+    if service.fleet.state(identity) not in AT_REST:
         raise ServiceError(409, f"runs/{identity}: is under way", "wait for its end or abort it")
     service.runs.delete(identity)
 
 
 def _shown(service: State, record: Record) -> Record:
-    shown = linked(service.runs, record, _FILES if record["state"] == "done" and record["simulated"] else ())
-    return {**shown, "progress": service.progress.get(record["id"])}
+    identity = record["id"]
+    state = service.fleet.state(identity)
+    told = service.fleet.status(identity) or record.get("status")
+    shown = {"error": error_of(state, told), **linked(service.runs, record, _FILES if "figures" in record else ())}
+    return {**shown, "state": state, "status": told}
 
 
-async def _start(plan_id: str, service: State) -> Record:
-    if service.plans.read(plan_id)["state"] != "done":
-        raise ServiceError(409, f"plans/{plan_id}: is not done", "wait until its state is done")
-    if service.running:
-        raise ServiceError(409, f"runs/{', '.join(service.running)}: is under way", "wait for its end or abort it")
-    identity = service.runs.create()
-    record = service.runs.write(
-        identity, {"state": "running", "plan_id": plan_id, "simulated": service.settings.simulate}
-    )
-    job: dict[str, Any] = {"plan": str(service.plans.path(plan_id, "plan.h5"))}
-    if service.settings.simulate:
-        job |= {"trace": str(service.runs.path(identity, "trace.h5")), "speed": service.settings.speed}
-    service.running[identity] = await Child.start(RUN_WORKER, [], job)
-    service.start(_stream(service, identity, job))
-    return record
-
-
-async def _stream(service: State, identity: str, job: dict[str, Any]) -> None:
-    def note(event: dict[str, Any]) -> None:
-        service.progress[identity] = {name: value for name, value in event.items() if name != "event"}
-
+def _pass_on(service: State, identity: str, asking: Holder, act: dict[str, Any]) -> Record:
+    """Hand an act to a run's worker; refuse one that the run's state does not allow."""
+    record = service.runs.read(identity)
+    state = service.fleet.state(identity)
+    wanted = _MAY.get(act["act"])
+    if wanted is not None and wanted not in TRANSITIONS[state]:
+        raise ServiceError(409, f"runs/{identity}: is {state}", f"a run that is {state} cannot {act['act']}")
     try:
-        event = await service.running[identity].last_event(note)
-        if event["event"] == "finished":
-            outcome = {name: value for name, value in event.items() if name != "event"}
-            event = await _record(service, identity, job, outcome)
+        service.fleet.act(identity, {**act, "key": asking.key, "by": asking.name})
+    except RunError as error:
+        if act["act"] not in ("abort", "estop", "stop"):
+            raise ServiceError(409, f"runs/{identity}: {error.message}", error.hint) from error
+    return _shown(service, record)
+
+
+async def _start(request: RunRequest, service: State, asking: Holder) -> Record:
+    plan = service.plans.read(request.plan_id)
+    if plan["state"] != "done":
+        raise ServiceError(409, f"plans/{request.plan_id}: is not done", "wait until its state is done")
+    machine = machine_of(service, plan["request"]["machine_id"])
+    busy = [
+        run for run in service.fleet.living if service.settings.simulate or _machine_of_run(service, run) == machine
+    ]
+    if busy:
+        raise ServiceError(409, f"runs/{', '.join(busy)}: is under way", "wait for its end or abort it")
+    identity = service.runs.create()
+    emulated = service.emulator.controller if service.emulator is not None else None
+    operator = request.operator or asking.name
+    job = Job(
+        run=identity,
+        operator=operator,
+        key=asking.key,
+        simulated=emulated is not None,
+        speed=emulated.time_scale if emulated is not None else 1.0,
+        address=Address(host=emulated.host, port=emulated.port) if emulated is not None else None,
+    )
+    record = {"state": RunState.QUEUED, "plan_id": request.plan_id, "simulated": job.simulated, "operator": operator}
+    written = service.runs.write(identity, record)
+    try:
+        await service.fleet.start(job, service.plans.path(request.plan_id, "plan.h5"), machine)
     except BaseException:
-        service.runs.update(identity, state="aborted", error=ENDED_WITH_SERVICE)
+        service.runs.delete(identity)
         raise
-    finally:
-        del service.running[identity]
-        service.progress.pop(identity, None)
-    if event["event"] == "finished":
-        service.runs.update(identity, state="done", figures=event["figures"])
-        return
-    state = "aborted" if event["code"] == "aborted" else "failed"
-    error = problem(409, event["code"], event["message"], event["hint"])
-    service.runs.update(identity, state=state, error=error)
+    return written
 
 
-async def _record(service: State, identity: str, job: dict[str, Any], outcome: dict[str, Any]) -> dict[str, Any]:
-    """Return the event of the task that finds what was removed; a real controller leaves no trace to it."""
-    if "trace" not in job:
-        return {"event": "finished", "figures": outcome}
-    output = str(service.runs.path(identity, "run.h5"))
-    arguments = {"plan": job["plan"], "outcome": outcome, "trace": job["trace"], "output": output}
-    child = await Child.start(TASKS, ["record-run"], arguments)
-    return await child.last_event(lambda progress: None)
+def _machine_of_run(service: State, run: str) -> object:
+    plan = service.plans.read(service.runs.read(run)["plan_id"])
+    return machine_of(service, plan["request"]["machine_id"])

@@ -1,0 +1,173 @@
+"""All runs of the service: it starts their workers, finds them again, passes acts on, and reads what they tell.
+
+A run belongs to its worker process and to nobody here: the service may end and come back at any time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sqlite3
+import subprocess
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ibfctl.errors import RunError
+from ibfctl.runs import status
+from ibfctl.runs.adoption import REASON, has_worker, interrupt_orphans, last_state
+from ibfctl.runs.control import send
+from ibfctl.runs.job import Job, prepare
+from ibfctl.runs.journal import Event, Journal
+from ibfctl.runs.launch import let_go, start_worker
+from ibfctl.runs.places import RUN, run_folder
+from ibfctl.runs.states import TERMINAL, RunState
+from ibfctl.service.children import TASKS, Child
+from ibfctl.service.events import UNSHOWN, Events
+from ibfctl.service.problems import problem
+from ibfctl.service.store import Collection
+
+TICK_S = 0.1
+AT_REST = TERMINAL | {RunState.INTERRUPTED}
+"""States in which a run has no worker."""
+
+Beside = Callable[[Coroutine[Any, Any, None]], None]
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Living:
+    """A run whose worker lives: its folder, its process if it is a child of this one, its newest status."""
+
+    folder: Path
+    process: subprocess.Popen[bytes] | None = None
+    status: dict[str, Any] = field(default_factory=dict)
+    closing: bool = False
+
+
+class Fleet:
+    """The runs of one data folder.
+
+    Parameters
+    ----------
+    data
+        The folder.
+    runs
+        The records that clients see.
+    journal, events
+        What the workers have told, and where it goes.
+    beside
+        Does work beside the requests.
+    """
+
+    def __init__(self, data: Path, runs: Collection, journal: Journal, events: Events, beside: Beside) -> None:
+        self._data = data
+        self._runs = runs
+        self._journal = journal
+        self._events = events
+        self._beside = beside
+        self._living: dict[str, _Living] = {}
+
+    @property
+    def living(self) -> list[str]:
+        """Ids of the runs whose workers live."""
+        return list(self._living)
+
+    def status(self, run: str) -> dict[str, Any] | None:
+        """Return the newest status of a run whose worker lives."""
+        found = self._living.get(run)
+        return found.status or None if found else None
+
+    def state(self, run: str) -> RunState:
+        """Return the state of a run as it is known now; one that is over is finishing until its figures are there."""
+        told = self.status(run)
+        state = RunState(told["state"] if told else self._runs.read(run)["state"])
+        return RunState.FINISHING if told and state is RunState.COMPLETED else state
+
+    async def adopt(self) -> None:
+        """Find the workers that live, and close the books of runs whose workers died unseen."""
+        await asyncio.to_thread(interrupt_orphans, self._data)
+        for run in self._runs.ids():
+            if RunState(self._runs.read(run)["state"]) not in AT_REST:
+                folder = run_folder(self._data, run)
+                self._living[run] = _Living(folder, status=status.read(folder) or {})
+
+    async def start(self, job: Job, plan: Path, machine: Path) -> None:
+        """Start the worker of a new run."""
+        folder = await asyncio.to_thread(prepare, self._data, job, plan, machine)
+        self._living[job.run] = _Living(folder, await asyncio.to_thread(start_worker, folder))
+
+    def act(self, run: str, act: Mapping[str, Any]) -> None:
+        """Hand an act to the worker of a run.
+
+        Raises
+        ------
+        RunError
+            If no worker lives.
+        """
+        send(run_folder(self._data, run), act)
+
+    def let_go(self) -> None:
+        """Leave all workers to themselves."""
+        for living in self._living.values():
+            if living.process is not None:
+                let_go(living.process)
+
+    async def watch(self) -> None:
+        """Read what is new, ten times a second, until this is cancelled."""
+        while True:
+            try:
+                events, told, gone = await asyncio.to_thread(self._read)
+                self._events.add(events, told)
+                for run in gone:
+                    self._beside(self._close_books(run))
+            except (sqlite3.Error, OSError, RunError):
+                _log.exception("what the runs tell cannot be read")
+            await asyncio.sleep(TICK_S)
+
+    def _read(self) -> tuple[list[Event], list[Mapping[str, Any]], list[str]]:
+        """Return new events, new statuses, and the runs that have lost their workers."""
+        gone, told = [], list[Mapping[str, Any]]()
+        for run, living in list(self._living.items()):
+            if living.process is not None:
+                living.process.poll()  # a child that has ended is to be waited for
+            if not living.closing and not has_worker(living.folder):
+                living.closing = True
+                gone.append(run)
+            now = status.read(living.folder)
+            if now is not None and now["seq"] != living.status.get("seq"):
+                living.status = now
+                told.append(now)
+        return self._journal.events(self._events.last_id, without=UNSHOWN), told, gone
+
+    async def _close_books(self, run: str) -> None:
+        """Note how a run has ended, with the figures that it has left."""
+        await asyncio.to_thread(interrupt_orphans, self._data)
+        folder = run_folder(self._data, run)
+        state = last_state(self._journal, run)
+        if state is RunState.QUEUED:  # its worker has died before it could begin
+            state = RunState.INTERRUPTED
+            self._journal.append(run, "state", {"state": state, "reason": REASON})
+        told = status.read(folder)
+        changes: dict[str, Any] = {"state": state, "status": told, "error": error_of(state, told)}
+        report = folder / RUN
+        if report.is_file():
+            child = await Child.start(TASKS, ["run-report"], {"run": str(report)})
+            event = await child.last_event(lambda progress: None)
+            if event["event"] == "finished":
+                changes["figures"] = event["figures"]
+        self._runs.update(run, **changes)
+        process = self._living.pop(run).process
+        self._events.forget(run)
+        if process is not None:
+            await asyncio.to_thread(process.wait)
+
+
+def error_of(state: RunState, told: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return why a run has ended otherwise than as planned, as its worker told; None if it has not."""
+    if state not in AT_REST or state is RunState.COMPLETED:
+        return None
+    code, reason, hint = ((told or {}).get(name) for name in ("code", "reason", "hint"))
+    return problem(409, code or str(state), reason or f"the run was {state}", hint or "")

@@ -1,0 +1,146 @@
+"""Runs by their workers: acts, live status, events with replay, and a service that comes and goes."""
+
+import dataclasses
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from ibfctl.runs.control import send
+from ibfctl.runs.places import run_folder
+from ibfctl.service.settings import Settings
+from tests.support.served import PATIENCE_S, ended, serving
+from tests.support.small_job import TIF, SmallJob
+
+LONG = TIF.replace("peak_nm_s=4", "peak_nm_s=0.01")  # hours of beam time: the run is surely under way
+
+
+def _planned(client: httpx.Client, job: SmallJob, tif: str) -> dict[str, Any]:
+    surface = client.post("/v1/maps", params={"format": "npz"}, content=job.map.read_bytes()).json()
+    influence = client.post("/v1/influences", params={"formula": tif}).json()
+    request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
+    plan = ended(client, client.post("/v1/plans", json=request).headers["Location"])
+    assert plan["state"] == "done", plan
+    return plan
+
+
+def _started(client: httpx.Client, plan: dict[str, Any]) -> str:
+    answer = client.post("/v1/runs", json={"plan_id": plan["id"]})
+    assert answer.status_code == 202, answer.text
+    return answer.headers["Location"]
+
+
+def _until(client: httpx.Client, place: str, told: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    deadline = time.monotonic() + PATIENCE_S
+    while not told(record := client.get(place).raise_for_status().json()):
+        assert time.monotonic() < deadline, record
+        time.sleep(0.02)
+    return record
+
+
+def _moving(record: dict[str, Any]) -> bool:
+    return record["state"] == "running" and record["status"].get("margin_s", 0) > 0
+
+
+def test_a_run_outlives_the_service_that_started_it(settings: Settings, small_job: SmallJob) -> None:
+    with serving(settings) as client:
+        place = _started(client, _planned(client, small_job, LONG))
+        _until(client, place, _moving)
+    with serving(settings) as client:
+        record = _until(client, place, _moving)
+        assert client.get("/v1/info").json()["running"] == [record["id"]]
+        assert client.post(f"{place}/abort").status_code == 202
+        run = ended(client, place)
+    assert (run["state"], run["error"]["code"]) == ("aborted", "aborted")
+
+
+def test_what_ended_while_no_service_ran_is_told_by_the_next(settings: Settings, small_job: SmallJob) -> None:
+    with serving(settings) as client:
+        place = _started(client, _planned(client, small_job, LONG))
+        _until(client, place, _moving)
+    send(run_folder(settings.data, place.rpartition("/")[2]), {"act": "abort"})
+    with serving(settings) as client:
+        assert ended(client, place)["state"] == "aborted"
+
+
+def test_events_are_replayed_from_where_a_listener_was(settings: Settings, small_job: SmallJob) -> None:
+    with serving(settings) as client:
+        place = _started(client, _planned(client, small_job, LONG))
+        run = place.rpartition("/")[2]
+        seen: list[dict[str, Any]] = []
+        with client.stream("GET", "/v1/events", params={"run": run, "after": 0}) as stream:
+            for event in _events(stream):
+                seen.append(event)
+                if event["event"] == "telemetry" and event["data"].get("margin_s", 0) > 0:
+                    break
+        states = [event["data"]["state"] for event in seen if event["event"] == "state"]
+        assert states[:3] == ["queued", "preflight", "moving_to_start"]
+        assert seen[-1]["data"]["gate"] in ("open", "closed")
+        ids = [int(event["id"]) for event in seen if "id" in event]
+        assert ids == sorted(set(ids))
+
+        client.post(f"{place}/abort")
+        ended(client, place)
+        rest = client.get("/v1/events", params={"follow": False}, headers={"Last-Event-ID": str(ids[0])})
+        again = [event for event in _parsed(rest.text) if event["data"]["run"] == run]
+        assert [event["data"]["state"] for event in again if event["event"] == "state"][-1] == "aborted"
+        assert min(int(event["id"]) for event in again if "id" in event) > ids[0]
+        acts = [event["data"] for event in _parsed(rest.text) if event["event"] == "act"]
+        assert any(act["act"] == f"POST {place}/abort" and act["status"] == 202 for act in acts)
+
+
+def test_acts_that_do_not_fit_the_state_are_refused(client: httpx.Client, small_job: SmallJob) -> None:
+    place = _started(client, _planned(client, small_job, LONG))
+    _until(client, place, _moving)
+    refusal = client.post(f"{place}/resume")
+    assert (refusal.status_code, refusal.json()["code"]) == (409, "conflict")
+    assert client.delete(place).status_code == 409
+    assert client.post(f"{place}/stop").status_code == 202
+    ended(client, place)
+    assert client.post(f"{place}/stop").status_code == 202  # over is over
+    for act in ("pause", "resume", "confirm"):
+        assert client.post(f"{place}/{act}").status_code == 409
+
+
+def test_a_slow_listener_holds_nobody_up(settings: Settings, small_job: SmallJob) -> None:
+    with serving(dataclasses.replace(settings)) as client:
+        place = _started(client, _planned(client, small_job, LONG))
+        _until(client, place, _moving)
+        with client.stream("GET", "/v1/events") as stream:  # never read
+            assert stream.status_code == 200
+            first = client.get(place).json()["status"]["seq"]
+            _until(client, place, lambda record: record["status"]["seq"] > first + 5)
+            assert "ibfctl_event_listeners 1" in client.get("/metrics").text
+        client.post(f"{place}/abort")
+        ended(client, place)
+
+
+def _events(stream: httpx.Response) -> Any:
+    text = ""
+    for chunk in stream.iter_text():
+        *frames, text = (text + chunk).split("\n\n")
+        for frame in frames:
+            yield from _parsed(frame)
+
+
+def _parsed(text: str) -> list[dict[str, Any]]:
+    events = []
+    for frame in text.split("\n\n"):
+        fields = dict(line.split(": ", 1) for line in frame.splitlines() if not line.startswith(":"))
+        if fields:
+            events.append({**fields, "data": json.loads(fields["data"])})
+    return events
+
+
+@pytest.fixture(autouse=True)
+def nothing_runs_on(settings: Settings, request: pytest.FixtureRequest) -> Any:
+    """A failing test must not leave a worker behind that lives for hours."""
+    yield
+    for folder in (settings.data / "runs").glob("*/control"):
+        try:
+            send(folder.parent, {"act": "abort"})
+        except Exception:
+            continue
