@@ -91,7 +91,7 @@ def test_an_unreachable_controller_fails_the_run(tmp_path: Path, small_job: Smal
         plan = ended(client, place)
         place = client.post("/v1/runs", json={"plan_id": plan["id"]}).headers["Location"]
         run = ended(client, place)
-    assert (run["state"], run["error"]["code"]) == ("failed", "link")
+    assert (run["state"], run["error"]["code"]) == ("faulted", "link")
     assert "127.0.0.1:1" in run["error"]["detail"]
 
 

@@ -47,5 +47,6 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(Measured, requests=measured)
     for module in (maps, influences, machines, plans, runs, events, info):
         app.include_router(module.router, prefix="/v1")
+    app.include_router(runs.everything, prefix="/v1")
     app.include_router(info.health)
     return app

@@ -187,6 +187,12 @@ class RunRecord(Resource):
     error: Problem | None = None
 
 
+class Aborted(BaseModel):
+    """What was told to abort."""
+
+    runs: list[str]
+
+
 class Info(BaseModel):
     """The service itself."""
 

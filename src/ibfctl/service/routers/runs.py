@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Response
@@ -13,7 +14,7 @@ from ibfctl.runs.job import Address, Job
 from ibfctl.runs.states import TRANSITIONS, RunState
 from ibfctl.service.access import Holder
 from ibfctl.service.fleet import AT_REST, error_of
-from ibfctl.service.models import Page, RunRecord
+from ibfctl.service.models import Aborted, Page, RunRecord
 from ibfctl.service.problems import ServiceError
 from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
 from ibfctl.service.routers.plans import machine_of
@@ -21,6 +22,7 @@ from ibfctl.service.state import Asking, Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/runs", tags=["runs"])
+everything = APIRouter(tags=["runs"])
 
 RunFile = Literal["run.h5", "residual.npz", "residuals.png"]
 _FILES: tuple[RunFile, ...] = get_args(RunFile)
@@ -119,6 +121,16 @@ async def stop_run(identity: Identity, service: Service, asking: Asking) -> Reco
 async def abort_run(identity: Identity, service: Service, asking: Asking) -> Record:
     """Close the gate and stop all motion at once; a run that is over stays as it is. Open to every key."""
     return _pass_on(service, identity, asking, {"act": "abort"})
+
+
+@everything.post("/abort", status_code=202, responses=refusals())
+async def abort_everything(service: Service, asking: Asking) -> Aborted:
+    """Abort whatever runs. Open to every key."""
+    runs = service.fleet.living
+    for identity in runs:
+        with contextlib.suppress(RunError):  # it has just ended
+            service.fleet.act(identity, {"act": "abort", "key": asking.key, "by": asking.name})
+    return Aborted(runs=runs)
 
 
 @router.post("/{identity}/estop", **_ACT)
