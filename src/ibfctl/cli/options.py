@@ -68,8 +68,10 @@ def together(*options: Decorator) -> Decorator:
 # Named as the fields of `PlanOptions`.
 covering_options = together(
     click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of a maze."),
-    click.option("--pitch-mm", type=float, default=0.5, show_default=True, help="Distance between lines, mm."),
-    click.option("--step-mm", type=float, default=0.5, show_default=True, help="Distance between nodes on a line, mm."),
+    click.option(
+        "--pitch-mm", type=float, help="Distance between lines, mm; default: a quarter of the tool's full width."
+    ),
+    click.option("--step-mm", type=float, help="Distance between nodes on a line, mm; default: the pitch."),
     click.option(
         "--clear-aperture",
         metavar="REGION",

@@ -28,6 +28,7 @@ _APERTURE_LENGTH_SHARE = 92.0 / (_WIDTH_MM * PAPER_SHAPE[1] / PAPER_SHAPE[0])
 _TIF_RADIUS_MM = 2.5
 _TIF_FWHM_MM = 2 * _TIF_RADIUS_MM / 6 * np.sqrt(8 * np.log(2))  # the diameter holds six standard deviations
 _TIF_PEAK_NM_S = 13.0
+_PITCH_MM = 0.5
 _SMOOTH_MM = 2.5
 _SMOOTH_SHARE = 0.4
 _LEGENDRE_DEGREE = 4
@@ -61,7 +62,7 @@ def demo_job(seed: int = 4, shape: tuple[int, int] = PAPER_SHAPE) -> DemoJob:
     inside = clear_aperture_mask(surface, aperture)
     scale = PAPER_RMS_NM / rms(Levelling.over(inside, "tilt")(surface.height_nm[inside]))
     influence = gaussian(_TIF_FWHM_MM, _TIF_PEAK_NM_S, _TIF_RADIUS_MM, pixel_mm)
-    options = PlanOptions(clear_aperture=aperture)
+    options = PlanOptions(clear_aperture=aperture, pitch_mm=_PITCH_MM, step_mm=_PITCH_MM)
     return DemoJob(SurfaceMap.centred(scale * surface.height_nm, pixel_mm), influence, options)
 
 

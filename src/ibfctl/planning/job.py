@@ -14,6 +14,7 @@ from ibfctl.dwell.misfit import (
     COARSE_CELLS_PER_WIDTH,
     Misfit,
     cell_size,
+    full_width_mm,
     make_misfit,
 )
 from ibfctl.dwell.operator import RemovalOperator
@@ -134,6 +135,7 @@ def prepare(
     """
     influence = seen_on_part(influence, options.placement)
     check_sizes(surface, influence)
+    options = options.spaced(full_width_mm(influence))
     mask = clear_aperture_mask(surface, options.clear_aperture)
     target = Target.of(surface, influence, mask, options)
     path = make_path(surface, mask, influence, options)
@@ -163,7 +165,7 @@ def seen_on_part(influence: InfluenceFunction, placement: Placement) -> Influenc
 
 def corridor_of(options: PlanOptions) -> float:
     """Corridor in mm: as chosen, or a share of the pitch."""
-    corridor_mm = CORRIDOR_SHARE * options.pitch_mm if options.corridor_mm is None else options.corridor_mm
+    corridor_mm = CORRIDOR_SHARE * options.spacing_mm[0] if options.corridor_mm is None else options.corridor_mm
     if not (np.isfinite(corridor_mm) and corridor_mm > 0):
         raise InputError(f"corridor is {corridor_mm:g} mm, it must be positive", "correct --corridor-mm")
     return corridor_mm

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from ibfctl.dwell.trade_off import Aim
+from ibfctl.errors import InputError
 from ibfctl.machine.placement import AS_MOUNTED, Placement
 from ibfctl.surface.regions import Region
 from ibfctl.surface.terms import Removed
@@ -14,6 +15,9 @@ from ibfctl.surface.terms import Removed
 __all__ = ["Aim", "Bounds", "PlanOptions", "Removed"]
 
 Bounds = Literal["machine", "ramp"]
+
+# Finer lines cost time at every turn and every limited step, and leave no smaller residual.
+PITCH_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,8 @@ class PlanOptions:
     path
         "raster", "maze", or a CSV file of nodes (`x_mm,y_mm`); "nodes" marks a schedule of given nodes.
     pitch_mm, step_mm
-        Distance between lines and between nodes along a line; a maze has its pitch alone.
+        Distance between lines and between nodes along a line; a maze has its pitch alone. None for a quarter of the
+        tool's full width at half maximum, and for a step like the pitch; a plan's options hold what was chosen.
     scan_axis
         Axis along which the raster's lines run.
     seed
@@ -61,8 +66,8 @@ class PlanOptions:
     """
 
     path: Literal["raster", "maze", "nodes"] | Path = "raster"
-    pitch_mm: float = 0.5
-    step_mm: float = 0.5
+    pitch_mm: float | None = None
+    step_mm: float | None = None
     scan_axis: Literal["x", "y"] = "x"
     seed: int = 0
     clear_aperture: Region | None = None
@@ -78,3 +83,15 @@ class PlanOptions:
     tikhonov: float = 1e-8
     l_curve: bool = False
     trade_off: bool = False
+
+    def spaced(self, width_mm: float) -> PlanOptions:
+        """Return the options with pitch and step, for a tool of this full width at half maximum."""
+        pitch_mm = PITCH_SHARE * width_mm if self.pitch_mm is None else self.pitch_mm
+        return replace(self, pitch_mm=pitch_mm, step_mm=pitch_mm if self.step_mm is None else self.step_mm)
+
+    @property
+    def spacing_mm(self) -> tuple[float, float]:
+        """Pitch and step of options that have them, as those of every plan."""
+        if self.pitch_mm is None or self.step_mm is None:
+            raise InputError("plan options: pitch and step are not chosen yet", "give --pitch-mm and --step-mm")
+        return self.pitch_mm, self.step_mm

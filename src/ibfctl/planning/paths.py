@@ -28,10 +28,11 @@ def make_path(
     if options.path == "raster":
         return _raster(surface, mask, influence.radius_mm, area, options)
     if options.path == "maze":
-        x_mm, y_mm = np.meshgrid(*cell_centres(area, options.pitch_mm))
-        reach_mm = influence.radius_mm + np.sqrt(2) * options.pitch_mm
+        pitch_mm, _ = options.spacing_mm
+        x_mm, y_mm = np.meshgrid(*cell_centres(area, pitch_mm))
+        reach_mm = influence.radius_mm + np.sqrt(2) * pitch_mm
         allowed = within_reach(surface, mask, x_mm, y_mm, reach_mm)
-        return maze(area, options.pitch_mm, options.seed, allowed)
+        return maze(area, pitch_mm, options.seed, allowed)
     raise InputError(f"path {options.path!r} cannot be laid", "choose raster, maze, or a file of nodes")
 
 
@@ -39,7 +40,7 @@ def _raster(
     surface: SurfaceMap, mask: NDArray[np.bool_], radius_mm: float, area: Rectangle, options: PlanOptions
 ) -> ToolPath:
     """Lay a raster; over anything but a rectangle, only where the tool reaches the clear aperture."""
-    spacings = options.pitch_mm, options.step_mm, options.scan_axis
+    spacings = *options.spacing_mm, options.scan_axis
     if fills_its_box(mask):
         return raster(area, *spacings)
     along, across = np.meshgrid(*raster_places(area, *spacings))

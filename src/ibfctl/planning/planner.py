@@ -72,6 +72,7 @@ def make_plan(
 
     stage("laying the path", 0.0)
     job = prepare(surface, influence, machine, options)
+    options = job.options
     if options.l_curve:
         stage("finding the Tikhonov factor", 0.1)
         corner = l_curve(job.ideal_problem(job.coarse), job.bounds.lower_s, Regularisation(), cancelled=stop)

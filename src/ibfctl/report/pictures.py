@@ -89,7 +89,7 @@ def _draw_dwell(plan: Plan, path: Path) -> None:
     time_ms = 1e3 * plan.dwell.time_s
     title = f"Dwell time per step: {plan.dwell.time_s.sum():.1f} s in {time_ms.size} steps"
     nodes_mm = np.column_stack([plan.path.x_mm, plan.path.y_mm])
-    _draw_along(figure, axis, nodes_mm, plan.options.pitch_mm, time_ms, title, "dwell time / ms")
+    _draw_along(figure, axis, nodes_mm, plan.options.spacing_mm[0], time_ms, title, "dwell time / ms")
     axis.set_xlabel("x / mm")
     save(figure, path)
 
@@ -101,7 +101,7 @@ def _draw_velocities(plan: Plan, path: Path) -> None:
     nodes_mm = np.column_stack(plan.options.placement.inverse(_nodes_mm(plan, "x"), _nodes_mm(plan, "y")))
     speed_mm_s = np.hypot(*np.diff(nodes_mm, axis=0).T) / (plan.program.time_samples * plan.program.sample_period_s)
     _draw_along(
-        figure, top, nodes_mm, plan.options.pitch_mm, speed_mm_s, "Mean speed of every segment", "speed / (mm/s)"
+        figure, top, nodes_mm, plan.options.spacing_mm[0], speed_mm_s, "Mean speed of every segment", "speed / (mm/s)"
     )
     top.set_xlabel("x / mm")
     time_s = _sample_times(plan)

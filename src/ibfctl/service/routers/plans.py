@@ -44,8 +44,10 @@ class PlanRequest(BaseModel):
     machine_id: Annotated[str | None, Field(description="Machine to plan for; default: the service's own.")] = None
     path: Literal["raster", "maze"] = "raster"
     seed: Annotated[int, Field(ge=0)] = 0
-    pitch_mm: Positive = 0.5
-    step_mm: Positive = 0.5
+    pitch_mm: Annotated[
+        Positive | None, Field(description="Distance between lines; default: a quarter of the tool's full width.")
+    ] = None
+    step_mm: Annotated[Positive | None, Field(description="Between nodes on a line; default: the pitch.")] = None
     scan_axis: Literal["x", "y"] = "x"
     clear_aperture_mm: Annotated[
         Aperture | None,
