@@ -47,7 +47,7 @@ def test_from_seed_to_pictures(tmp_path: Path) -> None:
     json.dumps(figures)
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in demo.files}
     pictures = {path.name for path in demo.files if path.suffix == ".png"}
-    assert pictures == {"map.png", "dwell.png", "velocities.png", "residuals.png"}
+    assert pictures == {"map.png", "dwell.png", "velocities.png", "psd.png", "residuals.png"}
     for name in pictures:
         with Image.open(tmp_path / name) as picture:
             assert picture.width > 1000

@@ -15,10 +15,12 @@ Layout (docs/file-formats.md explains it; names are stable):
     (ny, nx); attribute `pixel_mm`.
 ``/prediction/residual_nm, ideal_residual_nm, initial_nm, removal_nm, clear_aperture``
     (ny, nx): after the executed removal, after the ideal one, before, and the executed removal itself.
+``/psd/x, y, radial/frequency_per_mm, weight, before, after``
+    (k,): power spectral densities, see `ibfctl.surface.psd`; written for others, not read back.
 ``/`` attributes
     `format`, `version` (of ibfctl), `machine`, `options`, `certificate`, `rounds`, `trade_off`, `inputs` (names and
-    SHA-256), all JSON, and `planning_time_s`. `/map`, `/influence` and `/prediction` are absent where only a schedule
-    was made.
+    SHA-256), all JSON, and `planning_time_s`. `/map`, `/influence`, `/prediction` and `/psd` are absent where only a
+    schedule was made.
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ from ibfctl.machine.program import AxisProgram, PvtProgram
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round
+from ibfctl.planning.spectra import spectra
 from ibfctl.schedule.certificate import Certificate, Check
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
@@ -109,6 +112,15 @@ def _fill(file: h5py.File, plan: Plan) -> None:
             ("clear_aperture", plan.prediction.clear_aperture),
         ):
             file.create_dataset(f"prediction/{name}", data=array, **_COMPRESSED)
+    if plan.prediction is not None and plan.surface is not None:
+        for name, change in spectra(plan.prediction, plan.surface.pixel_mm).items():
+            for column, numbers in (
+                ("frequency_per_mm", change.before.frequency_per_mm),
+                ("weight", change.before.weight),
+                ("before", change.before.density),
+                ("after", change.after.density),
+            ):
+                file.create_dataset(f"psd/{name}/{column}", data=numbers, **_COMPRESSED)
 
 
 def read_plan(path: Path) -> Plan:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.plan import Plan, Prediction
+from ibfctl.planning.spectra import spectra
+from ibfctl.report.curves import draw_spectra
 from ibfctl.report.panels import Panel, draw_panels, new_figure, save, signed_scale
 from ibfctl.schedule.certificate import axis_cubics
 from ibfctl.surface.levelling import peak_to_valley, rms
@@ -37,7 +39,7 @@ def draw_map(surface: SurfaceMap, path: Path) -> None:
 
 
 def draw_plan(plan: Plan, folder: Path) -> list[Path]:
-    """Write the pictures of a plan: the map, the dwell times and the velocities; return their paths."""
+    """Write the pictures of a plan: the map, the dwell times, the velocities and the spectra; return their paths."""
     paths = [folder / "dwell.png", folder / "velocities.png"]
     _draw_dwell(plan, paths[0])
     _draw_velocities(plan, paths[1])
@@ -46,7 +48,8 @@ def draw_plan(plan: Plan, folder: Path) -> list[Path]:
     initial = plan.prediction.initial_nm
     panel = _map_panel(plan.surface, initial, f"Before: {_figures(initial)}", "height / nm", signed_scale(initial))
     draw_panels(folder / "map.png", [panel], plan.options.clear_aperture)
-    return [folder / "map.png", *paths]
+    draw_spectra(spectra(plan.prediction, plan.surface.pixel_mm), folder / "psd.png")
+    return [folder / "map.png", *paths, folder / "psd.png"]
 
 
 def draw_run(plan: Plan, as_run: AsRun | None, folder: Path) -> list[Path]:

@@ -91,9 +91,7 @@ def test_the_promised_names_alone_are_enough_to_rebuild_the_motion(hand_made_pla
             node_mm = start_mm + np.concatenate([[0.0], np.cumsum(move_mm)])
             u = 0.3
             rebuilt_mm = (
-                node_mm[:-1]
-                + (3 * u**2 - 2 * u**3) * move_mm
-                + h * ((u**3 - 2 * u**2 + u) * v0 + (u**3 - u**2) * v1)
+                node_mm[:-1] + (3 * u**2 - 2 * u**3) * move_mm + h * ((u**3 - 2 * u**2 + u) * v0 + (u**3 - u**2) * v1)
             )
             cubics = axis_cubics(program, axis)
             np.testing.assert_allclose(
@@ -231,3 +229,17 @@ def test_a_damaged_plan(written: Path, damage: str) -> None:
     with h5py.File(written, "r+") as file:
         DAMAGE[damage](file)
     refused(written)
+
+
+def test_the_spectra_are_those_of_the_maps(hand_made_plan: Plan, written: Path) -> None:
+    assert hand_made_plan.prediction is not None
+    with h5py.File(written) as file:
+        for direction in ("x", "y", "radial"):
+            group = file["psd"][direction]
+            weight = group["weight"][:]
+            assert group["frequency_per_mm"].shape == weight.shape
+            for name, height_nm in (
+                ("before", hand_made_plan.prediction.initial_nm),
+                ("after", hand_made_plan.prediction.executed_residual_nm),
+            ):
+                assert (group[name][:] * weight).sum() == pytest.approx(np.nanmean(height_nm**2))

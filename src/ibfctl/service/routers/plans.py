@@ -30,6 +30,7 @@ PlanFile = Literal[
     "map.png",
     "dwell.png",
     "velocities.png",
+    "psd.png",
 ]
 _FILES: tuple[PlanFile, ...] = get_args(PlanFile)
 
