@@ -122,9 +122,14 @@ class PlanningJob:
 
 
 def prepare(
-    surface: SurfaceMap, influence: InfluenceFunction, machine: MachineDescription, options: PlanOptions
+    surface: SurfaceMap,
+    influence: InfluenceFunction,
+    machine: MachineDescription,
+    options: PlanOptions,
+    path: ToolPath | None = None,
+    mask: NDArray[np.bool_] | None = None,
 ) -> PlanningJob:
-    """Check the inputs of a plan and lay its path.
+    """Check the inputs of a plan and lay its path, unless path and clear aperture are given.
 
     Raises
     ------
@@ -136,9 +141,11 @@ def prepare(
     influence = seen_on_part(influence, options.placement)
     check_sizes(surface, influence)
     options = options.spaced(full_width_mm(influence))
-    mask = clear_aperture_mask(surface, options.clear_aperture)
+    if mask is None:
+        mask = clear_aperture_mask(surface, options.clear_aperture)
     target = Target.of(surface, influence, mask, options)
-    path = make_path(surface, mask, influence, options)
+    if path is None:
+        path = make_path(surface, mask, influence, options)
     stage_path = ToolPath(*options.placement(path.x_mm, path.y_mm))
     misfit, coarse = (
         make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width), target.depth_nm)

@@ -53,7 +53,11 @@ class Executed:
 
 def execute(job: PlanningJob, dwell_s: FloatArray) -> Executed:
     """Schedule dwell times (n,) and predict what the executed cubics leave."""
-    scheduled = schedule(job.stage_path, dwell_s, job.machine, job.corridor_mm, stretch=True)
+    return executed(job, dwell_s, schedule(job.stage_path, dwell_s, job.machine, job.corridor_mm, stretch=True))
+
+
+def executed(job: PlanningJob, dwell_s: FloatArray, scheduled: PvtSchedule) -> Executed:
+    """Predict what the cubics of a schedule leave that was made for dwell times (n,)."""
     removal_nm = executed_removal(scheduled.program, job.grid, job.influence, placement=job.options.placement)
     return Executed(dwell_s, scheduled, removal_nm, job.rms_nm(removal_nm))
 

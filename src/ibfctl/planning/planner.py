@@ -19,7 +19,7 @@ from ibfctl.errors import CancelledError, InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.job import PlanningJob, corridor_of, prepare
-from ibfctl.planning.loop import execute, refine
+from ibfctl.planning.loop import execute, executed, refine
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round
 from ibfctl.schedule.scheduler import PvtSchedule, schedule
@@ -40,6 +40,9 @@ def make_plan(
     machine: MachineDescription,
     options: PlanOptions,
     *,
+    path: ToolPath | None = None,
+    mask: NDArray[np.bool_] | None = None,
+    planned: PvtSchedule | None = None,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
     inputs: Mapping[str, InputFile] | None = None,
@@ -50,6 +53,10 @@ def make_plan(
     ----------
     surface, influence, machine, options
         What was measured, what the tool removes, the stages, and the user's choices.
+    path, mask
+        A path, and the pixels (ny, nx) of the clear aperture, in place of those that the options ask for.
+    planned
+        An earlier schedule of `path`: kept where it leaves less than the one found anew.
     progress
         Called with the name of a stage and the share of the work done, 0 to 1.
     cancelled
@@ -71,7 +78,7 @@ def make_plan(
         report(name, fraction)
 
     stage("laying the path", 0.0)
-    job = prepare(surface, influence, machine, options)
+    job = prepare(surface, influence, machine, options, path, mask)
     options = job.options
     if options.l_curve:
         stage("finding the Tikhonov factor", 0.1)
@@ -90,6 +97,8 @@ def make_plan(
         chosen, trade_off = _walked(job, ideal, solved, regularisation, stop)
     stage("scheduling", 0.6)
     best = execute(job, chosen.time_s)
+    if planned is not None:
+        best = min(best, executed(job, planned.segment_time_s, planned), key=lambda found: found.rms_nm)
     job.check_times(best.scheduled.segment_time_s)
     rounds: tuple[Round, ...] = ()
     if options.loop:
