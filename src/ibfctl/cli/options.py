@@ -18,7 +18,7 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 POSITIVE = click.FloatRange(min=0, min_open=True)
 
 
-def _machine_path(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
+def machine_path(value: str | None) -> Path | None:
     """Take a path, or the bare name of a machine file that comes with the package."""
     return None if value is None else machine_file(value)
 
@@ -29,7 +29,7 @@ def machine_option(*, required: bool) -> Decorator:
         "--machine",
         required=required,
         metavar="FILE",
-        callback=_machine_path,
+        callback=lambda ctx, param, value: machine_path(value),
         help="Machine file, or the name of a shipped one: nsls2-ibf, simulator.",
     )
 

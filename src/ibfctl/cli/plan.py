@@ -19,10 +19,12 @@ from ibfctl.cli.options import (
 from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.placement import placed, placement_options
 from ibfctl.cli.progress import progress
-from ibfctl.cli.words import plan_lines, trade_off_table
+from ibfctl.cli.tool_options import ToolSpec, tool_files, tool_options
+from ibfctl.cli.words import plan_lines, tool_table, trade_off_table
 
 if TYPE_CHECKING:
     from ibfctl.planning.plan import Plan
+    from ibfctl.planning.sequence import Method
 
 _MADE_PATHS = ("raster", "maze")
 _L_CURVE = "l-curve"
@@ -43,8 +45,9 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 
 @click.command(name="plan")
 @click.argument("surface_map", metavar="MAP")
-@click.argument("influence", metavar="TIF")
-@machine_option(required=True)
+@click.argument("influence", metavar="[TIF]", required=False)
+@machine_option(required=False)
+@tool_options
 @click.option(
     "--path",
     default="raster",
@@ -59,6 +62,7 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 @click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
 @click.option("--max-time", type=POSITIVE, help="Longest run time, s: the best residual within it.")
 @click.option("--max-residual", type=POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
+@click.option("--seconds-per-nm", type=POSITIVE, help="Seconds of total time that a nm RMS of residual is worth.")
 @click.option("--loop/--no-loop", default=True, show_default=True, help="Correct dwell times for the motion executed.")
 @click.option(
     "--tikhonov",
@@ -72,13 +76,17 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 @json_option
 def command(
     surface_map: str,
-    influence: str,
-    machine: Path,
+    influence: str | None,
+    machine: Path | None,
+    tools: tuple[ToolSpec, ...],
+    method: str,
+    tool_change_s: float,
     path: str,
     scan_axis: str,
     margin: float | None,
     max_time: float | None,
     max_residual: float | None,
+    seconds_per_nm: float | None,
     loop: bool,
     tikhonov: float | str | None,
     trade_off: bool,
@@ -94,13 +102,18 @@ def command(
     """Plan a job: from MAP and TIF to a certified program for the machine.
 
     MAP is a surface (.npz, .mat, .csv, .xyz); TIF is the tool influence function: such a file, or
-    gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=..
+    gaussian:fwhm_mm=..,peak_nm_s=..,radius_mm=.. Instead of TIF, --tool may name several, used one after the other.
     """
-    if sum(choice is not None for choice in (margin, max_time, max_residual)) > 1:
-        raise click.UsageError("--margin, --max-time and --max-residual exclude each other.")
+    if sum(choice is not None for choice in (margin, max_time, max_residual, seconds_per_nm)) > 1:
+        raise click.UsageError("--margin, --max-time, --max-residual and --seconds-per-nm exclude each other.")
+    if (influence is None) == (not tools):
+        raise click.UsageError("Give either TIF or --tool.")
+    if tools and (trade_off or tikhonov == _L_CURVE):
+        raise click.UsageError("--trade-off and --tikhonov l-curve are for one TIF, not for --tool.")
     check_writable(output)
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.jobs.plan_files import plan_files
+    from ibfctl.jobs.tool_files import plan_tool_files
     from ibfctl.planning.options import Aim, PlanOptions
 
     default = PlanOptions()
@@ -108,15 +121,30 @@ def command(
         path=cast('Literal["raster", "maze"]', path) if path in _MADE_PATHS else Path(path),
         scan_axis=cast('Literal["x", "y"]', scan_axis),
         loop=loop,
-        aim=Aim(default.aim.margin if margin is None else margin, max_time, max_residual),
+        aim=Aim(default.aim.margin if margin is None else margin, max_time, max_residual, seconds_per_nm),
         tikhonov=tikhonov if isinstance(tikhonov, float) else default.tikhonov,
         l_curve=tikhonov == _L_CURVE,
         trade_off=trade_off,
         **placed(choices),
     )
+    surface = MapFile(surface_map, map_pixel_mm, map_unit, map_array)
+    if influence is None:
+        files = tool_files(tools, machine, tif_pixel_mm, tif_unit)
+        with progress() as report:
+            together = plan_tool_files(
+                surface, files, options, output, cast("Method", method), tool_change_s, on_progress=report
+            ).summary()
+        if as_json:
+            print_json(together)
+        else:
+            print_lines([*plan_lines(together), ("written", str(output))])
+            click.echo("\n".join(tool_table(together)))
+        return
+    if machine is None:
+        raise click.UsageError("Missing option '--machine'.")
     with progress() as report:
         plan = plan_files(
-            MapFile(surface_map, map_pixel_mm, map_unit, map_array),
+            surface,
             InfluenceFile(influence, tif_pixel_mm, tif_unit),
             machine,
             options,

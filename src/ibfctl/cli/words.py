@@ -44,6 +44,18 @@ def trade_off_table(points: Sequence[CurvePoint]) -> list[str]:
     return lines
 
 
+def tool_table(figures: Mapping[str, Any]) -> list[str]:
+    """Return the tools of a plan in the order in which they run."""
+    lines = [f"{'tool':<6}{'width':>9}{'pitch':>9}{'time':>11}{'slope RMS':>11}{'residual':>11}  influence function"]
+    lines.append(f"{'':<6}{'mm':>9}{'mm':>9}{'s':>11}{'s/mm':>11}{'nm RMS':>11}")
+    for number, tool in enumerate(figures["tools"], 1):
+        lines.append(
+            f"{number:<6}{tool['full_width_mm']:>9.3g}{tool['pitch_mm']:>9.3g}{tool['total_time_s']:>11.1f}"
+            f"{tool['slope_rms_s_mm']:>11.3g}{tool['executed_rms_nm']:>11.3f}  {tool['influence'] or ''}"
+        )
+    return lines
+
+
 def run_lines(figures: Mapping[str, Any]) -> Lines:
     """Return names and values of a rehearsal's summary."""
     lines: Lines = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from ibfctl.dwell.misfit import (
     full_width_mm,
     make_misfit,
 )
-from ibfctl.dwell.operator import RemovalOperator
+from ibfctl.dwell.operator import Precision, RemovalOperator
 from ibfctl.dwell.solver import DwellProblem
 from ibfctl.errors import InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
@@ -112,13 +112,18 @@ class PlanningJob:
         """Least-squares problem of an operator on the cells, with lower bounds (n,)."""
         return DwellProblem(operator, self.misfit, lower_s, self.bounds.upper_s, self.path.straight)
 
-    def ideal_problem(self, misfit: Misfit) -> DwellProblem:
+    def ideal_problem(self, misfit: Misfit, precision: Precision = np.float32) -> DwellProblem:
         """Least-squares problem of the dwell points on the cells of `misfit`."""
         path = self.path
-        operator = RemovalOperator(
-            misfit.grid, misfit.influence, path.dwell_x_mm, path.dwell_y_mm, precision=np.float32
-        )
+        operator = RemovalOperator(misfit.grid, misfit.influence, path.dwell_x_mm, path.dwell_y_mm, precision=precision)
         return DwellProblem(operator, misfit, self.bounds.lower_s, self.bounds.upper_s, path.straight)
+
+    def after(self, removal_nm: FloatArray) -> PlanningJob:
+        """Return the same job on what a removal (ny, nx) leaves of the map."""
+        surface = replace(self.surface, height_nm=self.surface.height_nm - removal_nm)
+        target = Target.of(surface, self.influence, self.target.clear_aperture, self.options)
+        misfit, coarse = _misfits(surface, self.influence, target, self.options)
+        return replace(self, surface=surface, target=target, misfit=misfit, coarse=coarse)
 
 
 def prepare(
@@ -147,10 +152,7 @@ def prepare(
     if path is None:
         path = make_path(surface, mask, influence, options)
     stage_path = ToolPath(*options.placement(path.x_mm, path.y_mm))
-    misfit, coarse = (
-        make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width), target.depth_nm)
-        for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
-    )
+    misfit, coarse = _misfits(surface, influence, target, options)
     return PlanningJob(
         surface,
         influence,
@@ -168,6 +170,18 @@ def prepare(
 def seen_on_part(influence: InfluenceFunction, placement: Placement) -> InfluenceFunction:
     """Return the tool of the machine as it works on a part that is placed so."""
     return influence.turned(placement.matrix) if placement.turned else influence
+
+
+def _misfits(
+    surface: SurfaceMap, influence: InfluenceFunction, target: Target, options: PlanOptions
+) -> tuple[Misfit, Misfit]:
+    """Target on cells, to finish and to search on."""
+    mask, depth_nm = target.clear_aperture, target.depth_nm
+    fine, coarse = (
+        make_misfit(surface, mask, influence, options.remove, cell_size(surface, influence, per_width), depth_nm)
+        for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
+    )
+    return fine, coarse
 
 
 def corridor_of(options: PlanOptions) -> float:

@@ -153,16 +153,7 @@ class Plan:
 
     def summary(self) -> dict[str, object]:
         """Return the JSON form that `ibfctl plan --json` prints; `schedule` has no residuals."""
-        figures: dict[str, object] = {}
-        if self.prediction is not None:
-            for name, residual_nm in (
-                ("initial", self.prediction.initial_nm),
-                ("ideal", self.prediction.ideal_residual_nm),
-                ("executed", self.prediction.executed_residual_nm),
-            ):
-                values = residual_nm[self.prediction.clear_aperture]
-                figures[f"{name}_rms_nm"] = rms(values)
-                figures[f"{name}_pv_nm"] = peak_to_valley(values)
+        figures: dict[str, object] = {} if self.prediction is None else residual_figures(self.prediction)
         if self.options.v_min_mm_s is not None:
             figures["dwell_bounds"] = self._bounds_figures()
         if not self.options.placement.as_mounted:
@@ -202,6 +193,20 @@ class Plan:
         if self.surface is None or self.prediction is None:
             return path_figures(self.path)
         return path_figures(self.path, pixels_of(self.surface, self.prediction.clear_aperture))
+
+
+def residual_figures(prediction: Prediction) -> dict[str, object]:
+    """RMS and PV of the residuals over the clear aperture: before, after the ideal removal, after the executed one."""
+    figures: dict[str, object] = {}
+    for name, residual_nm in (
+        ("initial", prediction.initial_nm),
+        ("ideal", prediction.ideal_residual_nm),
+        ("executed", prediction.executed_residual_nm),
+    ):
+        values = residual_nm[prediction.clear_aperture]
+        figures[f"{name}_rms_nm"] = rms(values)
+        figures[f"{name}_pv_nm"] = peak_to_valley(values)
+    return figures
 
 
 def peaks(program: PvtProgram) -> dict[str, tuple[float, float]]:

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from ibfctl.errors import InputError
-from ibfctl.planning.file import read_plan, write_plan
+from ibfctl.planning.file import read_plan, read_plans, read_sequence, write_plan, write_sequence
 from ibfctl.planning.plan import Plan
+from ibfctl.planning.sequence import PlanSequence
 from ibfctl.schedule.certificate import axis_cubics
 
 
@@ -243,3 +244,78 @@ def test_the_spectra_are_those_of_the_maps(hand_made_plan: Plan, written: Path) 
                 ("after", hand_made_plan.prediction.executed_residual_nm),
             ):
                 assert (group[name][:] * weight).sum() == pytest.approx(np.nanmean(height_nm**2))
+
+
+@pytest.fixture
+def sequence(hand_made_plan: Plan) -> PlanSequence:
+    assert hand_made_plan.surface is not None
+    assert hand_made_plan.prediction is not None
+    second = dataclasses.replace(hand_made_plan, planning_time_s=0.5, rounds=())
+    return PlanSequence(
+        (hand_made_plan, second),
+        hand_made_plan.surface,
+        hand_made_plan.prediction,
+        "mto",
+        120.0,
+        hand_made_plan.rounds,
+        hand_made_plan.inputs,
+        3.5,
+    )
+
+
+def test_the_plan_of_several_tools_comes_back_as_it_was(sequence: PlanSequence, tmp_path: Path) -> None:
+    path = tmp_path / "plan.h5"
+    write_sequence(sequence, path)
+    assert_same(sequence, read_sequence(path))
+    assert_same(sequence.plans, read_plans(path))
+    assert_same(sequence.plans[1], read_plan(path, tool=2))
+    with h5py.File(path) as file:
+        assert list(file["tools"]) == ["1", "2"]
+        assert "program" not in file
+        assert file["tools/2/program/A/increment_counts"].shape == (len(sequence.plans[1].program),)
+        assert file["prediction/residual_nm"].shape == file["map/height_nm"].shape
+
+
+def test_one_tool_makes_an_ordinary_plan_file(sequence: PlanSequence, tmp_path: Path) -> None:
+    path = tmp_path / "plan.h5"
+    write_sequence(dataclasses.replace(sequence, plans=sequence.plans[:1]), path)
+    assert_same(sequence.plans[0], read_plan(path))
+    assert_same(sequence.plans[:1], read_plans(path))
+    with pytest.raises(InputError, match="not a plan of several tools"):
+        read_sequence(path)
+
+
+def test_which_of_several_tools_must_be_said_and_be_there(sequence: PlanSequence, tmp_path: Path) -> None:
+    path = tmp_path / "plan.h5"
+    write_sequence(sequence, path)
+    with pytest.raises(InputError, match="holds the plans of 2 tools"):
+        read_plan(path)
+    for absent in (0, 3):
+        with pytest.raises(InputError, match=f"no tool {absent}"):
+            read_plan(path, tool=absent)
+
+
+SEVERAL_DAMAGE = {
+    "no tools": lambda file: file.__delitem__("tools"),
+    "an empty list of tools": lambda file: (file.__delitem__("tools"), file.create_group("tools")),
+    "a tool lost": lambda file: file.__delitem__("tools/1"),
+    "a tool without its program": lambda file: file.__delitem__("tools/2/program"),
+}
+
+
+@pytest.mark.parametrize("damage", SEVERAL_DAMAGE)
+def test_a_damaged_plan_of_several_tools(sequence: PlanSequence, tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "plan.h5"
+    write_sequence(sequence, path)
+    with h5py.File(path, "r+") as file:
+        SEVERAL_DAMAGE[damage](file)
+    refused(path)
+
+
+def test_a_plan_by_an_unknown_method(sequence: PlanSequence, tmp_path: Path) -> None:
+    path = tmp_path / "plan.h5"
+    write_sequence(sequence, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["method"] = "magic"
+    with pytest.raises(InputError, match="cannot be read"):
+        read_sequence(path)
