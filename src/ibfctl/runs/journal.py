@@ -149,7 +149,7 @@ class Journal:
         sqlite3.Error
             If the file is locked, full or damaged.
         """
-        rows = [(e.token, e.run, e.kind, e.wall, e.monotonic_s, e.key, dump(e.data)) for e in events]
+        rows = [(e.token, e.run, e.kind, e.wall, e.monotonic_s, e.key, dump(stored(e))) for e in events]
         with self._lock:
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -220,14 +220,16 @@ class Journal:
             yield from unpacked(event.data)
 
 
-def packed(exchanges: Sequence[Sequence[Any]]) -> dict[str, Any]:
-    """Return the data of a ``wire`` event: polls are many and nearly the same, so they are compressed."""
-    text = base64.b64encode(zlib.compress(dump(exchanges).encode())).decode("ascii")
-    return {"exchanges": len(exchanges), "zlib": text}
+def stored(event: Event) -> Mapping[str, Any]:
+    """Return the data of an event as they are stored: exchanges with the controller are many and nearly the same."""
+    if event.kind != "wire":
+        return event.data
+    text = base64.b64encode(zlib.compress(dump(event.data["exchanges"]).encode())).decode("ascii")
+    return {"count": len(event.data["exchanges"]), "zlib": text}
 
 
 def unpacked(data: Mapping[str, Any]) -> list[list[Any]]:
-    """Return the exchanges of such data."""
+    """Return the exchanges of the stored data of a ``wire`` event."""
     exchanges: list[list[Any]] = json.loads(zlib.decompress(base64.b64decode(data["zlib"])))
     return exchanges
 

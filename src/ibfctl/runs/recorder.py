@@ -58,10 +58,10 @@ class JournalWriter:
         self._events.put(Event(self._run, kind, data, key))
 
     def flush(self, timeout_s: float) -> bool:
-        """Wait until all that was recorded is on the disk; return whether it is."""
+        """Wait until all that was recorded is on the disk, if only in the side file; return whether it is."""
         with self._settling:
             wanted = self._recorded
-            return self._settling.wait_for(lambda: self._settled >= wanted, timeout_s)
+            return self._settling.wait_for(lambda: self._settled + self._aside >= wanted, timeout_s)
 
     def close(self) -> None:
         """Write what is left, to the side file if need be."""
@@ -98,13 +98,13 @@ class JournalWriter:
         except (sqlite3.Error, InputError, OSError) as error:
             self._fail(error)
             return
-        with self._settling:
-            self._settled += len(self._pending)
-            self._settling.notify_all()
-        self._pending.clear()
         if self._aside:
             self._side.unlink(missing_ok=True)
+        with self._settling:
+            self._settled += len(self._pending)
             self._aside = self._aside_bytes = 0
+            self._settling.notify_all()
+        self._pending.clear()
         self.ok = True
 
     def _fail(self, error: Exception) -> None:
@@ -132,8 +132,10 @@ class JournalWriter:
         except OSError as error:
             _log.error("nor can the side file be written (%s); events wait in memory", error)
         else:
-            self._aside = len(self._pending)
-            self._aside_bytes += len(lines)
+            with self._settling:
+                self._aside = len(self._pending)
+                self._aside_bytes += len(lines)
+                self._settling.notify_all()
 
 
 def absorb(journal: Journal, side: Path) -> int:

@@ -12,11 +12,11 @@ from ibfctl.runs.states import TERMINAL, RunState, check
 from ibfctl.runs.status import StatusWriter
 
 PROGRESS_S = 1.0
-LEG_PATIENCE_S = 2.0
+PATIENCE_S = 0.5
 
 
 class RunReporter:
-    """Takes what a run reports, from any thread; it waits for nothing but the record of a new leg.
+    """Takes what a run reports, from any thread; it waits for nothing but the record of what is about to move.
 
     Parameters
     ----------
@@ -45,7 +45,9 @@ class RunReporter:
         ----------
         kind
             ``state`` (with ``state``, and ``reason`` and ``hint`` where there are any), ``progress`` (fields of the
-            status; recorded once a second), ``leg`` (before it begins), ``act``, ``fault``, ``interlock``.
+            status; recorded once a second), ``act``, ``fault``, ``interlock``, or ``leg``: before it begins, with
+            ``first_plan_sample`` and ``open_at``; with ``leave_at`` where a ramp to rest takes the place of what
+            follows; and when it is over, with ``end``, ``open_plan_samples`` and ``uncertainty_samples``.
         data
             What happened.
         key
@@ -66,10 +68,10 @@ class RunReporter:
                 self._journal.record(kind, data)
         else:
             self._journal.record(kind, data, key)
-        if kind == "leg":
-            # Recovery must know which motion the controller's counts are of. The gate is closed and the axes stand,
+        if kind == "leg" or data.get("state") == RunState.ARMED:
+            # Recovery must know which motion the controller's stamps are of. The gate is closed and the axes stand,
             # so waiting does no harm; a journal that fails holds the run up no longer than this.
-            self._journal.flush(LEG_PATIENCE_S)
+            self._journal.flush(PATIENCE_S)
 
     def _take_state(self, data: Mapping[str, Any], key: str | None) -> None:
         with self._lock:

@@ -33,6 +33,7 @@ from ibfctl.runs.reporter import RunReporter
 from ibfctl.runs.states import RunState
 from ibfctl.runs.status import StatusWriter, read
 from ibfctl.runs.streamer import execute
+from ibfctl.runs.wire import WireRecorder
 
 _log = logging.getLogger(__name__)
 
@@ -74,6 +75,7 @@ class Worker:
         always = {"run": job.run, "state": state, "simulated": job.simulated, "worker_pid": os.getpid()}
         self._status = StatusWriter(folder, always, shown["seq"])
         self._journal = JournalWriter(journal_beside(folder), job.run, folder / SIDE)
+        self._wire = WireRecorder(self._journal.record)
         self._report = RunReporter(self._journal, self._status, state)
         self._control = ControlReader(control, self._take, self._refuse)
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -84,6 +86,7 @@ class Worker:
 
     def __exit__(self, *_: object) -> None:
         self._control.close()
+        self._wire.flush()
         self._journal.close()
         self._status.close()
 
@@ -95,7 +98,7 @@ class Worker:
                 machine = self._job.machine(self._folder)
                 resources.enter_context(MachineLock(machine, f"run {self._job.run}"))
                 self._report("state", {"state": RunState.PREFLIGHT})
-                controller = connect(machine)
+                controller = connect(machine, self._wire)
                 resources.callback(controller.close)
                 self._conduct(plan, machine, controller)
         except IbfctlError as error:
@@ -116,6 +119,7 @@ class Worker:
                     self._report("state", {"state": state})
             self._report("progress", _fields(progress))
 
+        self._report("leg", {"leg": 0, "first_plan_sample": 0, "open_at": 0})
         execute(
             plan.program,
             machine,

@@ -11,16 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.plans import plan_of
-from support.programs import program
+from support.jobs import small_run
 
 from ibfctl.errors import RunError
-from ibfctl.machine.shipped import shipped_machine
-from ibfctl.planning.file import write_plan
 from ibfctl.runs import control, status
 from ibfctl.runs.adoption import has_worker, interrupt_orphans
 from ibfctl.runs.detached_emulator import DetachedEmulator
-from ibfctl.runs.job import Address, Job, prepare, read_job
+from ibfctl.runs.job import read_job
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
 from ibfctl.runs.lock import MachineLock
@@ -39,13 +36,7 @@ def emulator(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DetachedEmula
 
 @pytest.fixture
 def folder(tmp_path: Path, emulator: DetachedEmulator) -> Path:
-    write_plan(plan_of(program(900)), tmp_path / "plan.h5")
-    address = Address(host=emulator.controller.host, port=emulator.controller.port)
-    job = Job(run="r1", operator="ann", key="k1", simulated=True, speed=SPEED, address=address)
-    machine = tmp_path / "machine.toml"
-    text = shipped_machine("simulator").read_text().replace("counts_per_mm = 10000", "counts_per_mm = 1000")
-    machine.write_text(text.replace("approach_speed_mm_s = 20.0", "approach_speed_mm_s = 50.0"))
-    return prepare(tmp_path, job, tmp_path / "plan.h5", machine)
+    return small_run(tmp_path, emulator.controller.port, SPEED)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ibfctl.errors import InputError
-from ibfctl.runs.journal import MIGRATIONS, Event, Journal, packed
+from ibfctl.runs.journal import MIGRATIONS, Event, Journal
 
 WRITE_FOREVER = """
 import sys
@@ -81,12 +81,13 @@ def test_a_batch_is_written_whole_or_not_at_all(path: Path) -> None:
 
 def test_exchanges_with_the_controller_are_packed(path: Path) -> None:
     exchanges = [["status", "MG _BTA,_BTB", f" {n}.0000 {n}.0000", 0.05 * n] for n in range(200)]
-    data = packed(exchanges)
     with Journal.open(path) as journal:
-        journal.append("r1", "wire", data)
-        journal.append("r1", "wire", packed(exchanges[:1]))
+        journal.append("r1", "wire", {"exchanges": exchanges})
+        journal.append("r1", "wire", {"exchanges": exchanges[:1]})
         assert list(journal.wire("r1")) == [*exchanges, exchanges[0]]
-    assert len(data["zlib"]) < len(str(exchanges)) / 4
+        event = journal.events(run="r1")[0]
+    assert event.data["count"] == 200
+    assert len(event.data["zlib"]) < len(str(exchanges)) / 4
 
 
 def test_several_processes_and_threads_write_one_journal(path: Path) -> None:
