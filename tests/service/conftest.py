@@ -1,4 +1,6 @@
+import contextlib
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -7,10 +9,13 @@ from pathlib import Path
 import httpx
 import pytest
 
+from ibfctl.errors import RunError
 from ibfctl.machine.shipped import shipped_machine
+from ibfctl.runs.control import send
 from ibfctl.service.settings import Settings
-from tests.support.served import serving
-from tests.support.small_job import SmallJob, write_small_job
+from ibfctl.service.store import Collection
+from tests.support.served import ended, serving
+from tests.support.small_job import TIF, SmallJob, write_small_job
 
 
 @pytest.fixture
@@ -21,6 +26,31 @@ def small_job(tmp_path: Path) -> SmallJob:
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
     return Settings(tmp_path / "data", shipped_machine("simulator"), simulate=True, speed=100.0)
+
+
+@pytest.fixture(scope="session")
+def planned_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with a map, an influence function, and a plan of half a minute."""
+    folder = tmp_path_factory.mktemp("planned")
+    job = write_small_job(folder)
+    with serving(Settings(folder / "data", job.machine)) as client:
+        surface = client.post("/v1/maps", params={"format": "npz"}, content=job.map.read_bytes()).json()
+        influence = client.post("/v1/influences", params={"formula": TIF}).json()
+        request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
+        plan = ended(client, client.post("/v1/plans", json=request).headers["Location"])
+        assert plan["state"] == "done", plan
+    return folder / "data"
+
+
+@pytest.fixture
+def plan_id(planned_data: Path, settings: Settings) -> Iterator[str]:
+    """A plan in the data folder of the test; no run of it outlives a test that fails."""
+    shutil.copytree(planned_data, settings.data)
+    (plan,) = Collection(settings.data, "plans").ids()
+    yield plan
+    for pipe in settings.data.glob("runs/*/control"):
+        with contextlib.suppress(RunError):
+            send(pipe.parent, {"act": "abort"})
 
 
 @pytest.fixture

@@ -13,22 +13,15 @@ from ibfctl.runs.control import send
 from ibfctl.runs.places import run_folder
 from ibfctl.service.settings import Settings
 from tests.support.served import PATIENCE_S, ended, serving
-from tests.support.small_job import TIF, SmallJob
-
-LONG = TIF.replace("peak_nm_s=4", "peak_nm_s=0.01")  # hours of beam time: the run is surely under way
 
 
-def _planned(client: httpx.Client, job: SmallJob, tif: str) -> dict[str, Any]:
-    surface = client.post("/v1/maps", params={"format": "npz"}, content=job.map.read_bytes()).json()
-    influence = client.post("/v1/influences", params={"formula": tif}).json()
-    request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
-    plan = ended(client, client.post("/v1/plans", json=request).headers["Location"])
-    assert plan["state"] == "done", plan
-    return plan
+@pytest.fixture
+def settings(settings: Settings) -> Settings:
+    return dataclasses.replace(settings, speed=1.0)  # half a minute: a run is surely under way
 
 
-def _started(client: httpx.Client, plan: dict[str, Any]) -> str:
-    answer = client.post("/v1/runs", json={"plan_id": plan["id"]})
+def _started(plan_id: str, client: httpx.Client) -> str:
+    answer = client.post("/v1/runs", json={"plan_id": plan_id})
     assert answer.status_code == 202, answer.text
     return answer.headers["Location"]
 
@@ -45,9 +38,9 @@ def _moving(record: dict[str, Any]) -> bool:
     return record["state"] == "running" and record["status"].get("margin_s", 0) > 0
 
 
-def test_a_run_outlives_the_service_that_started_it(settings: Settings, small_job: SmallJob) -> None:
+def test_a_run_outlives_the_service_that_started_it(settings: Settings, plan_id: str) -> None:
     with serving(settings) as client:
-        place = _started(client, _planned(client, small_job, LONG))
+        place = _started(client, plan_id)
         _until(client, place, _moving)
     with serving(settings) as client:
         record = _until(client, place, _moving)
@@ -57,18 +50,18 @@ def test_a_run_outlives_the_service_that_started_it(settings: Settings, small_jo
     assert (run["state"], run["error"]["code"]) == ("aborted", "aborted")
 
 
-def test_what_ended_while_no_service_ran_is_told_by_the_next(settings: Settings, small_job: SmallJob) -> None:
+def test_what_ended_while_no_service_ran_is_told_by_the_next(settings: Settings, plan_id: str) -> None:
     with serving(settings) as client:
-        place = _started(client, _planned(client, small_job, LONG))
+        place = _started(client, plan_id)
         _until(client, place, _moving)
     send(run_folder(settings.data, place.rpartition("/")[2]), {"act": "abort"})
     with serving(settings) as client:
         assert ended(client, place)["state"] == "aborted"
 
 
-def test_events_are_replayed_from_where_a_listener_was(settings: Settings, small_job: SmallJob) -> None:
+def test_events_are_replayed_from_where_a_listener_was(settings: Settings, plan_id: str) -> None:
     with serving(settings) as client:
-        place = _started(client, _planned(client, small_job, LONG))
+        place = _started(client, plan_id)
         run = place.rpartition("/")[2]
         seen: list[dict[str, Any]] = []
         with client.stream("GET", "/v1/events", params={"run": run, "after": 0}) as stream:
@@ -92,8 +85,8 @@ def test_events_are_replayed_from_where_a_listener_was(settings: Settings, small
         assert any(act["act"] == f"POST {place}/abort" and act["status"] == 202 for act in acts)
 
 
-def test_acts_that_do_not_fit_the_state_are_refused(client: httpx.Client, small_job: SmallJob) -> None:
-    place = _started(client, _planned(client, small_job, LONG))
+def test_acts_that_do_not_fit_the_state_are_refused(plan_id: str, client: httpx.Client) -> None:
+    place = _started(client, plan_id)
     _until(client, place, _moving)
     refusal = client.post(f"{place}/resume")
     assert (refusal.status_code, refusal.json()["code"]) == (409, "conflict")
@@ -105,9 +98,9 @@ def test_acts_that_do_not_fit_the_state_are_refused(client: httpx.Client, small_
         assert client.post(f"{place}/{act}").status_code == 409
 
 
-def test_a_slow_listener_holds_nobody_up(settings: Settings, small_job: SmallJob) -> None:
-    with serving(dataclasses.replace(settings)) as client:
-        place = _started(client, _planned(client, small_job, LONG))
+def test_a_slow_listener_holds_nobody_up(settings: Settings, plan_id: str) -> None:
+    with serving(settings) as client:
+        place = _started(client, plan_id)
         _until(client, place, _moving)
         with client.stream("GET", "/v1/events") as stream:  # never read
             assert stream.status_code == 200
@@ -133,14 +126,3 @@ def _parsed(text: str) -> list[dict[str, Any]]:
         if fields:
             events.append({**fields, "data": json.loads(fields["data"])})
     return events
-
-
-@pytest.fixture(autouse=True)
-def nothing_runs_on(settings: Settings, request: pytest.FixtureRequest) -> Any:
-    """A failing test must not leave a worker behind that lives for hours."""
-    yield
-    for folder in (settings.data / "runs").glob("*/control"):
-        try:
-            send(folder.parent, {"act": "abort"})
-        except Exception:
-            continue

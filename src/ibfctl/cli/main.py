@@ -1,4 +1,7 @@
-"""The command `ibfctl`: verbs on files. Importing this loads nothing numerical, so that it starts at once."""
+"""The command `ibfctl`: verbs on files, nouns for what lives in a service.
+
+Importing this loads nothing numerical, so that it starts at once.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,10 @@ import click
 from ibfctl import __version__
 from ibfctl.errors import IbfctlError
 
-_VERBS = ("plan", "schedule", "compare", "tolerance", "simulate", "export", "demo", "serve", "keys", "abort")
+_VERBS = ("plan", "schedule", "compare", "tolerance", "simulate", "export", "demo")
+_NOUNS = ("maps", "influences", "machines", "plans", "runs", "events")
+_SERVICE = ("serve", "keys", "abort")
+_ALL = (*_VERBS, *_NOUNS, *_SERVICE)
 _EXIT_USAGE = 2
 _EXIT_INTERRUPTED = 130
 
@@ -20,10 +26,10 @@ class _Verbs(click.Group):
     """A group whose verbs are imported when they are asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_VERBS)
+        return list(_ALL)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in _VERBS:
+        if cmd_name not in _ALL:
             return None
         command: click.Command = importlib.import_module(f"ibfctl.cli.{cmd_name}").command
         return command

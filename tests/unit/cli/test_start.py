@@ -1,4 +1,5 @@
 import json
+import os
 import subprocess
 import sys
 
@@ -7,7 +8,7 @@ from click.testing import CliRunner
 from ibfctl import __version__
 from ibfctl.cli.main import cli
 
-_HEAVY = ("numpy", "scipy", "h5py", "osqp", "fastapi", "pydantic", "matplotlib", "rich")
+_HEAVY = ("numpy", "scipy", "h5py", "osqp", "fastapi", "pydantic", "matplotlib", "rich", "httpx")
 
 
 def _loaded_by(statement: str) -> list[str]:
@@ -36,3 +37,11 @@ def test_python_m_is_the_same_command() -> None:
         [sys.executable, "-m", "ibfctl", "--version"], capture_output=True, text=True, check=True
     )
     assert __version__ in child.stdout
+
+
+def test_the_shell_completes_nouns() -> None:
+    environment = {**os.environ, "_IBFCTL_COMPLETE": "bash_complete", "COMP_WORDS": "ibfctl runs re", "COMP_CWORD": "2"}
+    child = subprocess.run(
+        [sys.executable, "-m", "ibfctl"], capture_output=True, text=True, check=False, env=environment
+    )
+    assert sorted(child.stdout.split()) == ["plain,report", "plain,resume"]
