@@ -20,7 +20,7 @@ def settings(settings: Settings) -> Settings:
     return dataclasses.replace(settings, speed=1.0)  # half a minute: a run is surely under way
 
 
-def _started(plan_id: str, client: httpx.Client) -> str:
+def _started(client: httpx.Client, plan_id: str) -> str:
     answer = client.post("/v1/runs", json={"plan_id": plan_id})
     assert answer.status_code == 202, answer.text
     return answer.headers["Location"]
