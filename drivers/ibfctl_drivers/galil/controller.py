@@ -216,8 +216,8 @@ class GalilController:
 
     def stamps(self) -> Stamps:
         """Read when the motion began and when the gate opened and closed, over the gate's handle."""
-        begun, opened, closed = self._gate.numbers(STAMPS)
-        return Stamps(begun or None, opened or None, closed or None)
+        begun, opened, closed, now = self._gate.numbers([*STAMPS, "TIME"])
+        return Stamps(begun or None, opened or None, closed or None, now)
 
     def buffer_status(self) -> BufferStatus:
         """Poll all that the streamer needs in one round trip, with a sign of life."""

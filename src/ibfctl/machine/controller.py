@@ -79,11 +79,14 @@ class Stamps:
         When the axes began; the motion's first sample is the one after.
     opened, closed
         When the gate opened, and when it was first closed after that, whoever closed it.
+    now
+        When this was read.
     """
 
     begun: int | None
     opened: int | None
     closed: int | None
+    now: int
 
 
 class Observer(Protocol):
