@@ -1,5 +1,6 @@
 """`ibfctl plan --tool` as other programs and people see it."""
 
+import io
 import json
 from pathlib import Path
 
@@ -81,3 +82,26 @@ def test_what_does_not_go_together_is_refused(small_job: SmallJob, capsys: pytes
     assert "neither x nor y" in _refusal(_plan(small_job, "--tool", f"{NARROW}:scan-axis=z"), capsys)
     assert "no positive length" in _refusal(_plan(small_job, "--tool", f"{NARROW}:pitch-mm=-1"), capsys)
     assert not (small_job.folder / "plan.h5").exists()
+
+
+def test_the_programs_run_in_sequence_when_changes_are_confirmed(
+    small_job: SmallJob, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(_plan(small_job, "--tool", f"{NARROW}:pitch-mm=1,step-mm=1", "--tool", WIDE, "--json")) == 0
+    planned = json.loads(capsys.readouterr().out)
+    output = small_job.folder / "run.h5"
+    simulate = ["simulate", str(small_job.folder / "plan.h5"), "--speed", "400", "-o", str(output)]
+    assert run([*simulate, "--yes", "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["as_run_rms_nm"] == pytest.approx(planned["executed_rms_nm"], rel=0.05)
+    assert figures["segments_executed"] == planned["segments"]
+    assert [tool["run"] for tool in figures["tools"]] == ["run.tool1.h5", "run.tool2.h5"]
+    assert all((small_job.folder / tool["run"]).is_file() for tool in figures["tools"])
+    with h5py.File(output) as file:
+        assert file.attrs["format"] == "ibfctl-tools-run/1"
+        assert file["as_run"].attrs["rms_nm"] == figures["as_run_rms_nm"]
+    output.unlink()
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    assert run(simulate) == 7
+    assert "stopped before tool 2" in capsys.readouterr().err
+    assert not output.exists()

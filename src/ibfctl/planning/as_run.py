@@ -12,6 +12,7 @@ from ibfctl.dwell.operator import removal_of_samples
 from ibfctl.errors import InputError
 from ibfctl.planning.job import seen_on_part
 from ibfctl.planning.plan import Plan
+from ibfctl.planning.sequence import PlanSequence
 from ibfctl.planning.target import Target
 from ibfctl.surface.levelling import peak_to_valley, rms
 
@@ -69,8 +70,25 @@ def as_run_figures(plan: Plan, x_mm: FloatArray, y_mm: FloatArray, sample_period
     grid, influence = grid_of(surface), seen_on_part(plan.influence, plan.options.placement)
     place_mm = plan.options.placement.inverse(x_mm, y_mm)
     removal_nm = removal_of_samples(grid, influence, *place_mm, np.full(x_mm.shape, sample_period_s))
-    residual_nm = Target.of(surface, influence, mask, plan.options).residual_map_nm(removal_nm)
-    difference_nm = (removal_nm - plan.prediction.executed_removal_nm)[mask]
+    target = Target.of(surface, influence, mask, plan.options)
+    return _figures(target, plan.prediction.executed_removal_nm, removal_nm)
+
+
+def as_run_together(sequence: PlanSequence, removal_nm: FloatArray) -> AsRun:
+    """Compute the as-run residual of several tools from what all together have removed, `removal_nm` (ny, nx)."""
+    plan, prediction = sequence.plans[0], sequence.prediction
+    if plan.influence is None:
+        raise InputError("as-run figures: the plan holds no tool", "make it with `ibfctl plan --tool`")
+    influence = seen_on_part(plan.influence, plan.options.placement)
+    target = Target.of(sequence.surface, influence, prediction.clear_aperture, plan.options)
+    return _figures(target, prediction.executed_removal_nm, removal_nm)
+
+
+def _figures(target: Target, predicted_nm: FloatArray, removal_nm: FloatArray) -> AsRun:
+    """Figures of a removal (ny, nx), against the predicted one."""
+    mask = target.clear_aperture
+    residual_nm = target.residual_map_nm(removal_nm)
+    difference_nm = (removal_nm - predicted_nm)[mask]
     return AsRun(
         removal_nm,
         residual_nm,
