@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 NO_PHASE = 2147483647
@@ -96,14 +97,19 @@ def write_tiff(
         parts = [full[r : r + tile[0], c : c + tile[1]].tobytes() for r, c in places]
     offsets = 8 + np.cumsum([0, *map(len, parts)])[:-1]
     body = b"".join(parts)
-    longs = struct.pack(f"{order}{len(parts)}I", *offsets)
+    sizes = [len(part) for part in parts]
+    longs = struct.pack(f"{order}{2 * len(parts)}I", *offsets, *sizes)
     at_longs = 8 + len(body)
     sample = {"u": 1, "i": 2, "f": 3}[stored.dtype.kind]
-    where = (4, len(parts), at_longs if len(parts) > 1 else int(offsets[0]))
+    several = len(parts) > 1
+    where = (4, len(parts), at_longs if several else int(offsets[0]))
+    size = (4, len(parts), at_longs + 4 * len(parts) if several else sizes[0])
     tags = {256: (4, 1, nx), 257: (4, 1, ny), 258: (3, 1, 8 * stored.itemsize), 259: (3, 1, 1), 262: (3, 1, 1)}
     tags |= {277: (3, 1, 1), 339: (3, 1, sample)}
     tags |= (
-        {273: where, 278: (4, 1, rows)} if tile is None else {322: (4, 1, tile[1]), 323: (4, 1, tile[0]), 324: where}
+        {273: where, 278: (4, 1, rows), 279: size}
+        if tile is None
+        else {322: (4, 1, tile[1]), 323: (4, 1, tile[0]), 324: where, 325: size}
     )
     tags |= {int(name.removeprefix("tag_")): (kind, 1, value) for name, (kind, value) in changed.items()}
     entries = b"".join(
@@ -114,4 +120,35 @@ def write_tiff(
     directory = struct.pack(f"{order}H", len(tags)) + entries + bytes(4)
     start = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", at_longs + len(longs))
     path.write_bytes(start + body + longs + directory)
+    return path
+
+
+def write_datx(
+    path: Path, stored: np.ndarray, pixel_mm: float = 0.5, unit: bytes = b"NanoMeters", no_data: float = 1e300
+) -> Path:
+    """Mx: what the public readers of it look for; `stored` with its top row first."""
+    text = h5py.string_dtype("ascii")
+    converter = np.dtype([("Category", text), ("BaseUnit", text), ("Parameters", "f8", (4,))])
+    lateral = np.array([(b"LateralCat", b"Pixels", [0.0, pixel_mm / 1e3, 0.0, 0.0])], dtype=converter)
+    height = np.array([(b"HeightCat", unit, [0.0, 1.0, 0.0, 0.0])], dtype=converter)
+    with h5py.File(path, "w") as file:
+        surface = file.create_dataset("Data/Surface/{SURFACE}", data=np.where(np.isnan(stored), no_data, stored))
+        surface.attrs["Unit"] = np.array([unit], dtype=text)
+        surface.attrs["No Data"] = [no_data]
+        surface.attrs["Interferometric Scale Factor"] = [0.5]
+        surface.attrs["Obliquity Factor"] = [1.0]
+        surface.attrs["Wavelength"] = [WAVELENGTH_M]
+        surface.attrs["X Converter"] = surface.attrs["Y Converter"] = lateral
+        surface.attrs["Z Converter"] = height
+        file.create_group("Attributes/{ATTRIBUTES}").attrs["Resolution"] = [pixel_mm / 1e3]
+    return path
+
+
+def write_mat73(path: Path, **arrays: np.ndarray) -> Path:
+    """MATLAB 7.3: 512 bytes of its own before the HDF5 file, dimensions in reverse order."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in arrays.items():
+            file.create_dataset(name, data=np.atleast_2d(values).T).attrs["MATLAB_class"] = np.bytes_("double")
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
     return path

@@ -114,7 +114,7 @@ bounds_options = together(
 unit_options = together(
     click.option("--map-pixel-mm", type=float, help="Pixel size of MAP, mm, where the file does not say it."),
     click.option("--map-unit", metavar="UNIT", help="Unit of heights (nm, um, m, ...) where the file has none."),
-    click.option("--map-array", metavar="NAME", help="Array of a .mat MAP; default: Z_to_remove, else Z."),
+    click.option("--map-array", metavar="NAME", help="Array of a .mat or HDF5 MAP; default: Z_to_remove, else Z."),
     click.option("--tif-pixel-mm", type=float, help="Pixel size of TIF, mm, where the file does not say it."),
     click.option("--tif-unit", metavar="UNIT", help="Unit of rates (nm/s, um/min, ...) where the file has none."),
 )

@@ -14,7 +14,7 @@ from ibfctl.service.problems import ServiceError
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import Collection, Record, fingerprint_of
 
-Format = Literal["npz", "mat", "csv", "xyz", "dat", "fits", "tif"]
+Format = Literal["npz", "mat", "csv", "xyz", "dat", "datx", "h5", "fits", "tif"]
 
 
 async def store_upload(

@@ -25,7 +25,7 @@ async def add_map(
     format: Annotated[Format, Query(description="Kind of file in the body.")],
     pixel_mm: Annotated[float | None, Query(description="Pixel size where the file does not say it.")] = None,
     unit: Annotated[str | None, Query(description="Unit of heights where the file does not say it.")] = None,
-    array: Annotated[str | None, Query(description="Array of a .mat file; default Z_to_remove, else Z.")] = None,
+    array: Annotated[str | None, Query(description="Array of a .mat or HDF5 file; default: Z_to_remove, Z.")] = None,
     key: IdempotencyKey = None,
 ) -> Record:
     """Upload a map as the raw body; answers its id and figures."""

@@ -1,18 +1,20 @@
-"""MATLAB version 5 files with X, Y, Z in metres (rates in metres per second), as the field exchanges them.
+"""MATLAB files with X, Y, Z in metres (rates in metres per second), as the field exchanges them.
 
 Of a surface the array `Z_to_remove` is read where the file has it (what is to go away), else `Z`; `array`
 chooses otherwise. The pixel size comes from X and Y, or from `pixel_m` or `m_per_pixel`; where several say it
-they must agree.
+they must agree. Version 5 is read here; version 7.3 is HDF5.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ibfctl.errors import InputError
+from ibfctl.surface.readers.hdf5_apart import read_apart
 from ibfctl.surface.readers.mat5 import matrices, read_matrix
 from ibfctl.surface.readers.quantity import MAX_PITCH_MISMATCH, Quantity
 from ibfctl.surface.readers.table import Table, check_size, square_pitch, uniform_axis
@@ -22,6 +24,7 @@ FloatArray = NDArray[np.float64]
 
 _PREFERRED = ("Z_to_remove", "Z")
 _PIXEL_NAMES = ("pixel_m", "m_per_pixel")
+_VERSION_73 = b"MATLAB 7.3 MAT-file"
 
 
 def read_mat(
@@ -29,13 +32,31 @@ def read_mat(
 ) -> Table:
     """Read one array of a MATLAB file."""
     where = f"{quantity.what} {path}"
+    with path.open("rb") as stream:
+        if stream.read(len(_VERSION_73)) == _VERSION_73:
+            return read_apart(path, quantity, pixel_mm, unit, array)
     held = matrices(path, where)
-    name = _array_name(list(held), array, where)
-    wanted = [name, *(key for key in ("X", "Y", *_PIXEL_NAMES) if key in held)]
-    for key in wanted:
-        check_size(held[key].shape, f"{where}: {key}")
-    arrays = {key: read_matrix(path, held[key], f"{where}: {key}") for key in wanted}
+
+    def fetch(name: str) -> FloatArray:
+        check_size(held[name].shape, f"{where}: {name}")
+        return read_matrix(path, held[name], f"{where}: {name}")
+
+    return arranged(list(held), fetch, quantity, pixel_mm, unit, array, where)
+
+
+def arranged(
+    names: list[str],
+    fetch: Callable[[str], FloatArray],
+    quantity: Quantity,
+    pixel_mm: float | None,
+    unit: str | None,
+    array: str | None,
+    where: str,
+) -> Table:
+    """Make the table of a file that holds variables of these names, each (ny, nx) as MATLAB shows it."""
     scale = quantity.scale(None, unit or ("m" if quantity.stem == "height" else "m/s"), where)
+    name = _array_name(names, array, where)
+    arrays = {key: fetch(key) for key in dict.fromkeys([name, "X", "Y", *_PIXEL_NAMES]) if key in names}
     return _table(arrays, arrays[name] * scale, quantity, pixel_mm, where)
 
 

@@ -28,8 +28,11 @@ _READERS = {
     ".fit": ("fits", "read_fits"),
     ".tif": ("tiff", "read_tiff"),
     ".tiff": ("tiff", "read_tiff"),
+    ".h5": ("hdf5_apart", "read_apart"),
+    ".hdf5": ("hdf5_apart", "read_apart"),
+    ".datx": ("hdf5_apart", "read_apart"),
 }
-_WITH_ARRAYS = (".mat",)
+_WITH_ARRAYS = (".mat", ".h5", ".hdf5", ".datx")
 MAP_SUFFIXES = tuple(_READERS)
 
 
@@ -49,7 +52,7 @@ def read_map(
     pixel_mm, height_unit
         What the file does not say; given although the file says it, they must agree.
     array
-        Array of a .mat file to read instead of `Z_to_remove` or `Z`.
+        Array to read of a file that holds several.
 
     Raises
     ------
@@ -78,7 +81,7 @@ def read_influence(
         What the file does not say; given although the file says it, they must agree. For a formula
         `pixel_mm` is the pitch on which it is sampled.
     array
-        Array of a .mat file to read instead of `Z`.
+        Array to read of a file that holds several.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def _read(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | No
         )
     if array is not None and suffix not in _WITH_ARRAYS:
         raise InputError(
-            f"{quantity.what} {path}: only {' and '.join(_WITH_ARRAYS)} files hold arrays to choose from",
+            f"{quantity.what} {path}: only {', '.join(_WITH_ARRAYS)} files hold arrays to choose from",
             "leave the option out",
         )
     try:

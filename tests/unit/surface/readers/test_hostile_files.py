@@ -4,6 +4,7 @@ import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -11,8 +12,8 @@ from hypothesis import strategies as st
 from scipy import io
 
 from ibfctl.errors import InputError
-from ibfctl.surface.readers import MAP_SUFFIXES, read_map
-from tests.support.map_files import hill_nm, write_fits, write_metropro, write_tiff
+from ibfctl.surface.readers import MAP_SUFFIXES, hdf5_apart, read_map
+from tests.support.map_files import hill_nm, write_datx, write_fits, write_mat73, write_metropro, write_tiff
 
 Writer = Callable[[Path, np.ndarray], object]
 GIVEN: dict[str, dict[str, object]] = {
@@ -31,6 +32,12 @@ def _mat(path: Path, height_nm: np.ndarray) -> None:
     io.savemat(path, {"X": x, "Y": y, "Z": height_nm * 1e-9}, do_compression=True)
 
 
+def _h5(path: Path, height_nm: np.ndarray) -> None:
+    with h5py.File(path, "w") as file:
+        file.create_dataset("height_nm", data=height_nm, compression="gzip", shuffle=True)
+        file.attrs["pixel_mm"] = 0.5
+
+
 WRITERS: dict[str, Writer] = {
     ".npz": lambda path, height_nm: np.savez(path, height_nm=height_nm, pixel_mm=0.5),
     ".mat": _mat,
@@ -39,7 +46,12 @@ WRITERS: dict[str, Writer] = {
     ".fits": lambda path, height_nm: write_fits(path, height_nm, -32, BUNIT="nm"),
     ".tif": lambda path, height_nm: write_tiff(path, height_nm.astype("f4"), rows_per_strip=2),
 }
-SAME_READER = {".xyz": ".csv", ".txt": ".csv", ".fit": ".fits", ".tiff": ".tif"}
+APART: dict[str, Writer] = {
+    ".h5": _h5,
+    ".datx": write_datx,
+    "73.mat": lambda path, height_nm: write_mat73(path, Z=height_nm * 1e-9, pixel_m=np.array(5e-4)),
+}
+SAME_READER = {".xyz", ".txt", ".fit", ".tiff", ".hdf5"}
 FIXED_BYTES = 2 << 20
 
 
@@ -62,7 +74,7 @@ def damages(draw: st.DrawFn) -> Callable[[bytes], bytes]:
 
 
 def test_every_suffix_is_covered() -> None:
-    assert {*WRITERS, *SAME_READER} == set(MAP_SUFFIXES)
+    assert {*WRITERS, *APART, *SAME_READER} - {"73.mat"} == set(MAP_SUFFIXES)
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
@@ -71,13 +83,41 @@ def test_every_suffix_is_covered() -> None:
 def test_a_damaged_file_is_read_or_refused_in_one_line(
     tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]
 ) -> None:
-    path = tmp_path / f"m{suffix}"
-    WRITERS[suffix](path, hill_nm())
+    _read_damaged(tmp_path / f"m{suffix}", WRITERS[suffix], damage)
+
+
+@pytest.mark.parametrize("suffix", APART)
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(damage=damages())
+def test_a_damaged_hdf5_file_is_read_or_refused_in_one_line(
+    tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]
+) -> None:
+    _read_damaged(tmp_path / f"m{suffix}", APART[suffix], damage)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", APART)
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(damage=damages())
+def test_many_damaged_hdf5_files(tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]) -> None:
+    _read_damaged(tmp_path / f"m{suffix}", APART[suffix], damage)
+
+
+def test_a_process_that_dies_is_a_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hdf5_apart, "_CHILD", "ibfctl.absent")
+    _h5(tmp_path / "m.h5", hill_nm())
+    with pytest.raises(InputError, match="the HDF5 library cannot read it"):
+        read_map(tmp_path / "m.h5")
+
+
+def _read_damaged(path: Path, write: Writer, damage: Callable[[bytes], bytes]) -> None:
+    write(path, hill_nm())
     path.write_bytes(damage(path.read_bytes()))
+    given = GIVEN.get(path.suffix, {})
     said = str(path)
     tracemalloc.start()
     try:
-        read_map(path, **GIVEN.get(suffix, {}))
+        read_map(path, **given)
     except InputError as refusal:
         said = str(refusal)
     finally:
@@ -88,11 +128,11 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(
     assert peak < FIXED_BYTES
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", [*WRITERS, *APART])
 def test_reading_needs_at_most_four_times_the_maps_memory(tmp_path: Path, suffix: str) -> None:
     height_nm = np.random.default_rng(1).normal(size=(512, 640))
     path = tmp_path / f"m{suffix}"
-    WRITERS[suffix](path, height_nm)
+    {**WRITERS, **APART}[suffix](path, height_nm)
     read_map(path, **GIVEN.get(suffix, {}))  # what is imported on the way does not count
     tables = 3 if suffix == ".mat" else 1  # X, Y and Z
     declared = max(tables * height_nm.nbytes, path.stat().st_size)
