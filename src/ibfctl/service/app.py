@@ -12,6 +12,7 @@ from ibfctl.service import problems
 from ibfctl.service.access import Access
 from ibfctl.service.audit import Audited
 from ibfctl.service.conditional import Conditional
+from ibfctl.service.description import describe
 from ibfctl.service.keys import KeyRing
 from ibfctl.service.metrics import Measured, Requests
 from ibfctl.service.routers import events, influences, info, machines, maps, plans, runs
@@ -49,4 +50,5 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(module.router, prefix="/v1")
     app.include_router(runs.everything, prefix="/v1")
     app.include_router(info.health)
+    describe(app)
     return app

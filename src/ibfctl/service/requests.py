@@ -9,7 +9,7 @@ from fastapi import Header, Path, Query
 from fastapi.responses import FileResponse
 
 from ibfctl.service.children import TASKS, Child
-from ibfctl.service.problems import MEDIA_TYPE, Problem, ServiceError
+from ibfctl.service.problems import MEDIA_TYPE, ServiceError
 from ibfctl.service.store import Collection, Record
 
 IdempotencyKey = Annotated[
@@ -39,7 +39,7 @@ _MEANINGS = {
 
 def refusals(*statuses: int, also: tuple[int, ...] = (401, 403, 422)) -> dict[int | str, dict[str, Any]]:
     """Describe the problems that an operation may answer, for its documentation; `also` those of nearly all."""
-    content = {MEDIA_TYPE: {"schema": Problem.model_json_schema()}}
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": _MEANINGS[status], "content": content} for status in (*also, *statuses)}
 
 

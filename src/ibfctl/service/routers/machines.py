@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse
 
 from ibfctl.machine.description import parse_machine
-from ibfctl.service.bodies import content_of
+from ibfctl.service.bodies import BODY, content_of
 from ibfctl.service.models import MachineRecord, Page
 from ibfctl.service.problems import ServiceError
 from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, linked, page, refusals
@@ -19,16 +19,9 @@ from ibfctl.service.store import Record, fingerprint_of
 router = APIRouter(prefix="/machines", tags=["machines"])
 MACHINE_FILE = "machine.toml"
 _MOST_BYTES = 1 << 16
-_BODY = {
-    "requestBody": {
-        "required": True,
-        "description": "A machine file, see docs/machine-file.md.",
-        "content": {"application/toml": {"schema": {"type": "string"}}},
-    }
-}
 
 
-@router.post("", status_code=201, response_model=MachineRecord, responses=refusals(409, 413), openapi_extra=_BODY)
+@router.post("", status_code=201, response_model=MachineRecord, responses=refusals(409, 413), openapi_extra=BODY)
 async def add_machine(request: Request, service: Service, key: IdempotencyKey = None) -> Record:
     """Add a machine file; a plan that names its id is made for that machine, and run on it."""
     content = b"".join([piece async for piece in content_of(request, _MOST_BYTES)])
