@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ibfctl.jobs.run_file import write_run
-from ibfctl.planning.as_run import AsRun, as_run_figures
+from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.runs.child_worker import run_program
 from ibfctl.runs.outcome import RunOutcome
-from ibfctl.runs.trace import RunTrace, read_emulator_trace
+from ibfctl.runs.records import as_run_of
+from ibfctl.runs.run_file import RunRecord, write_run
+from ibfctl.runs.trace import read_emulator_trace
 
 Report = Callable[[str, float], None]
 
@@ -93,16 +94,8 @@ def rehearse(
 def record(plan: Plan, plan_file: InputFile, outcome: RunOutcome, trace_path: Path, output: Path) -> Rehearsal:
     """Find what an emulated controller's trace removed, and write the run file."""
     trace = read_emulator_trace(trace_path, plan.machine)
-    rehearsal = Rehearsal(outcome, _as_run(plan, trace))
-    write_run(output, plan, plan_file, outcome, trace, rehearsal.as_run)
+    rehearsal = Rehearsal(outcome, as_run_of(plan, trace))
+    executed = ((0, int(plan.program.time_samples.sum())),)
+    told = RunRecord(plan.machine, executed, trace=trace, outcome=outcome)
+    write_run(output, plan, plan_file, told, rehearsal.as_run)
     return rehearsal
-
-
-def _as_run(plan: Plan, trace: RunTrace) -> AsRun | None:
-    if plan.surface is None:
-        return None
-    position_mm = {
-        coordinate: trace.position_counts[letter][trace.gate_open] / plan.program.axes[letter].counts_per_mm
-        for coordinate, letter in plan.program.coordinates.items()
-    }
-    return as_run_figures(plan, position_mm["x"], position_mm["y"], trace.sample_period_s)

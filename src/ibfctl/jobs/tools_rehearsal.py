@@ -15,12 +15,12 @@ import numpy as np
 
 from ibfctl.errors import InputError
 from ibfctl.jobs.rehearsal import Rehearsal, Report, rehearse
-from ibfctl.jobs.run_file import write_tools_run
 from ibfctl.planning.as_run import AsRun, as_run_together
 from ibfctl.planning.file import write_sequence
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.sequence import PlanSequence
 from ibfctl.planning.several import replan_later
+from ibfctl.runs.run_file import write_tools_run
 
 Confirm = Callable[[int, Plan], None]
 

@@ -36,6 +36,7 @@ class RunReporter:
         self._status = status
         self._lock = threading.Lock()
         self._recorded_at = -float("inf")
+        self._places: list[tuple[int, float, float]] = []
         self.state = state
 
     def __call__(self, kind: str, data: Mapping[str, Any], key: str | None = None) -> None:
@@ -45,9 +46,10 @@ class RunReporter:
         ----------
         kind
             ``state`` (with ``state``, and ``reason`` and ``hint`` where there are any), ``progress`` (fields of the
-            status; recorded once a second), ``act``, ``fault``, ``interlock``, or ``leg``: before it begins, with
-            ``first_plan_sample`` and ``open_at``; with ``leave_at`` where a ramp to rest takes the place of what
-            follows; and when it is over, with ``end``, ``open_plan_samples`` and ``uncertainty_samples``.
+            status; recorded once a second, with all places of the tool since), ``act``, ``fault``, ``interlock``, or
+            ``leg``: before it begins, with ``first_plan_sample`` and ``open_at``; with ``leave_at`` where a ramp to
+            rest takes the place of what follows; and when it is over, with ``end``, ``open_plan_samples`` and
+            ``uncertainty_samples``.
         data
             What happened.
         key
@@ -61,17 +63,29 @@ class RunReporter:
         if kind == "state":
             self._take_state(data, key)
         elif kind == "progress":
-            self._status.tell(**data, journal_ok=self._journal.ok)
-            now = time.monotonic()
-            if now >= self._recorded_at + PROGRESS_S:
-                self._recorded_at = now
-                self._journal.record(kind, data)
+            self._take_progress(data)
         else:
+            if kind == "leg" and self._places:
+                self._record_places({})
             self._journal.record(kind, data, key)
         if kind == "leg" or data.get("state") == RunState.ARMED:
             # Recovery must know which motion the controller's stamps are of. The gate is closed and the axes stand,
             # so waiting does no harm; a journal that fails holds the run up no longer than this.
             self._journal.flush(PATIENCE_S)
+
+    def _take_progress(self, data: Mapping[str, Any]) -> None:
+        self._status.tell(**data, journal_ok=self._journal.ok)
+        place = data.get("place")
+        if place and data.get("gate") == "open":
+            self._places.append((place["plan_sample"], place["x_mm"], place["y_mm"]))
+        now = time.monotonic()
+        if now >= self._recorded_at + PROGRESS_S:
+            self._recorded_at = now
+            self._record_places(data)
+
+    def _record_places(self, data: Mapping[str, Any]) -> None:
+        places, self._places = self._places, []
+        self._journal.record("progress", {**data, "places": places})
 
     def _take_state(self, data: Mapping[str, Any], key: str | None) -> None:
         with self._lock:

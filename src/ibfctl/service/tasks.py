@@ -115,7 +115,7 @@ def _placement(given: Any) -> Any:
 
 def run_report(arguments: Arguments) -> Arguments:
     """Return the figures of a run file."""
-    from ibfctl.jobs.run_file import read_as_run
+    from ibfctl.runs.run_file import read_as_run
 
     as_run = read_as_run(Path(arguments["run"]))
     if as_run is None:
@@ -161,9 +161,9 @@ def plan_files_of(arguments: Arguments) -> Arguments:
 
 def run_files_of(arguments: Arguments) -> Arguments:
     """Write the table and the picture of what a run has left."""
-    from ibfctl.jobs.run_file import read_as_run
     from ibfctl.planning.file import read_plan
     from ibfctl.report.pictures import draw_run
+    from ibfctl.runs.run_file import read_as_run
 
     folder = Path(arguments["folder"])
     made = read_plan(Path(arguments["plan"]))

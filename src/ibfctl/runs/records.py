@@ -1,0 +1,98 @@
+"""The run file of a run, from what its worker knows and from what the journal has kept of earlier ones."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ibfctl.planning.as_run import AsRun, as_run_figures
+from ibfctl.planning.file import read_plan
+from ibfctl.planning.plan import InputFile, Plan
+from ibfctl.planning.restart import places
+from ibfctl.runs.history import History, history
+from ibfctl.runs.job import read_job
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.outcome import RunOutcome
+from ibfctl.runs.places import PLAN, RUN, journal_beside
+from ibfctl.runs.run_file import RunRecord, write_run
+from ibfctl.runs.trace import RunTrace
+
+
+def record_run(folder: Path, outcome: RunOutcome | None = None, trace: RunTrace | None = None) -> AsRun | None:
+    """Write `run.h5` of the run in `folder`, which is over or interrupted; return what it has removed.
+
+    Parameters
+    ----------
+    outcome
+        Proof of a worker that all was executed.
+    trace
+        Of a worker that has seen all of the run; without, the journal's places are what is known.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or plan, job or journal cannot be read.
+    """
+    plan, job = read_plan(folder / PLAN), read_job(folder)
+    with Journal.open(journal_beside(folder)) as journal:
+        known = history(journal, folder.name)
+        state = journal.last(folder.name, "state")
+    trace = trace or trace_of_history(plan, known)
+    told = state.data if state is not None else {"state": "queued"}
+    record = RunRecord(
+        job.machine(folder),
+        tuple(known.executed),
+        known.uncertainty_samples,
+        trace,
+        outcome,
+        told["state"],
+        told.get("reason") or "",
+        job.run,
+        job.operator,
+        job.simulated,
+    )
+    as_run = as_run_of(plan, trace)
+    with (folder / PLAN).open("rb") as stream:
+        plan_file = InputFile(PLAN, hashlib.file_digest(stream, "sha256").hexdigest())
+    write_run(folder / RUN, plan, plan_file, record, as_run)
+    return as_run
+
+
+def as_run_of(plan: Plan, trace: RunTrace | None) -> AsRun | None:
+    """Return what a trace has removed; None where the plan has no map, or the gate was never open."""
+    if plan.surface is None or trace is None or not trace.gate_open.any():
+        return None
+    position_mm = {
+        coordinate: trace.position_counts[letter][trace.gate_open] / plan.program.axes[letter].counts_per_mm
+        for coordinate, letter in plan.program.coordinates.items()
+    }
+    return as_run_figures(plan, position_mm["x"], position_mm["y"], trace.sample_period_s)
+
+
+def trace_of_history(plan: Plan, known: History) -> RunTrace | None:
+    """Return where the stages were in the parts that were executed; None where there are none.
+
+    Between the places at which they were seen, what they were off the plan is interpolated.
+    """
+    if not known.executed:
+        return None
+    sample = np.concatenate([np.arange(first + 1, last + 1) for first, last in known.executed])
+    seen = [place for place in known.places if _within(place[0], known.executed)]
+    positions = {}
+    for coordinate, column in (("x", 1), ("y", 2)):
+        letter = plan.program.coordinates[coordinate]
+        axis = plan.program.axes[letter]
+        counts = places(plan.program, sample.astype(np.float64))[letter][0]
+        if seen:
+            at = np.array([place[0] for place in seen], dtype=np.float64)
+            off = np.array([place[column] for place in seen]) * axis.counts_per_mm - places(plan.program, at)[letter][0]
+            counts = counts + np.interp(sample, at, off)
+        positions[letter] = np.rint(counts).astype(np.int64)
+    return RunTrace(sample, positions, np.ones(sample.size, dtype=bool), plan.program.sample_period_s)
+
+
+def _within(sample: int, intervals: Sequence[tuple[int, int]]) -> bool:
+    return any(first <= sample <= last for first, last in intervals)
