@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,7 +13,10 @@ from ibfctl.cli.placement import placed, placement_options
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import comparison_lines, method_lines
 
-_KINDS = ("raster", "maze")
+if TYPE_CHECKING:
+    from ibfctl.planning.options import MadePath
+
+_KINDS = ("raster", "maze", "random", "spiral")
 
 
 @click.command(name="compare")
@@ -26,7 +29,7 @@ _KINDS = ("raster", "maze")
     "kinds",
     type=click.Choice(_KINDS),
     multiple=True,
-    default=_KINDS,
+    default=_KINDS[:3],
     show_default=True,
     help="Path to compare on, may be repeated; a raster along x and along y.",
 )
@@ -45,7 +48,7 @@ def command(
     influence: str,
     machine: Path,
     methods: bool,
-    kinds: tuple[str, ...],
+    kinds: tuple[MadePath, ...],
     jerk_max_mm_s3: float | None,
     map_pixel_mm: float | None,
     map_unit: str | None,

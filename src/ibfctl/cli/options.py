@@ -67,7 +67,10 @@ def together(*options: Decorator) -> Decorator:
 
 # Named as the fields of `PlanOptions`.
 covering_options = together(
-    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of a maze."),
+    click.option(
+        "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of a random path or maze."
+    ),
+    click.option("--inside-out", is_flag=True, help="A spiral starts in the middle."),
     click.option(
         "--pitch-mm", type=float, help="Distance between lines, mm; default: a quarter of the tool's full width."
     ),

@@ -23,10 +23,11 @@ from ibfctl.cli.tool_options import ToolSpec, tool_files, tool_options
 from ibfctl.cli.words import plan_lines, tool_table, trade_off_table
 
 if TYPE_CHECKING:
+    from ibfctl.planning.options import MadePath
     from ibfctl.planning.plan import Plan
     from ibfctl.planning.sequence import Method
 
-_MADE_PATHS = ("raster", "maze")
+_MADE_PATHS = ("raster", "maze", "spiral", "random")
 _L_CURVE = "l-curve"
 
 
@@ -52,8 +53,8 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     "--path",
     default="raster",
     show_default=True,
-    metavar="raster|maze|NODES.csv",
-    help="Raster, random maze, or nodes: x_mm,y_mm.",
+    metavar="raster|maze|spiral|random|NODES.csv",
+    help="Raster, random maze, spiral, random adaptive path, or nodes: x_mm,y_mm.",
 )
 @click.option("--scan-axis", type=click.Choice(["x", "y"]), default="x", show_default=True, help="Axis of the lines.")
 @covering_options
@@ -118,7 +119,7 @@ def command(
 
     default = PlanOptions()
     options = PlanOptions(
-        path=cast('Literal["raster", "maze"]', path) if path in _MADE_PATHS else Path(path),
+        path=cast("MadePath", path) if path in _MADE_PATHS else Path(path),
         scan_axis=cast('Literal["x", "y"]', scan_axis),
         loop=loop,
         aim=Aim(default.aim.margin if margin is None else margin, max_time, max_residual, seconds_per_nm),

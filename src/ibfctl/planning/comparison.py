@@ -21,7 +21,7 @@ from ibfctl.path.figures import PathFigures, path_figures
 from ibfctl.planning.aperture import pixels_of
 from ibfctl.planning.job import PlanningJob, prepare
 from ibfctl.planning.loop import execute, refine
-from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.options import MadePath, PlanOptions
 from ibfctl.planning.planner import Progress, solve_dwell
 from ibfctl.schedule.baselines.constant_acceleration import constant_acceleration
 from ibfctl.schedule.baselines.motion import Motion, motion_of_schedule
@@ -108,15 +108,15 @@ def compare(
     return compared
 
 
-def path_choices(kinds: tuple[str, ...], options: PlanOptions) -> dict[str, PlanOptions]:
-    """Options by name for the kinds "raster" (along x and along y) and "maze"."""
+def path_choices(kinds: tuple[MadePath, ...], options: PlanOptions) -> dict[str, PlanOptions]:
+    """Options by name for kinds of path; "raster" is one along x and one along y."""
     choices = {}
     for kind in kinds:
         if kind == "raster":
             choices["raster x"] = replace(options, path="raster", scan_axis="x")
             choices["raster y"] = replace(options, path="raster", scan_axis="y")
         else:
-            choices["maze"] = replace(options, path="maze")
+            choices[kind] = replace(options, path=kind)
     return choices
 
 

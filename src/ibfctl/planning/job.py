@@ -150,7 +150,7 @@ def prepare(
         mask = clear_aperture_mask(surface, options.clear_aperture)
     target = Target.of(surface, influence, mask, options)
     if path is None:
-        path = make_path(surface, mask, influence, options)
+        path = make_path(surface, target, influence, options)
     stage_path = ToolPath(*options.placement(path.x_mm, path.y_mm))
     misfit, coarse = _misfits(surface, influence, target, options)
     return PlanningJob(

@@ -12,9 +12,10 @@ from ibfctl.machine.placement import AS_MOUNTED, Placement
 from ibfctl.surface.regions import Region
 from ibfctl.surface.terms import Removed
 
-__all__ = ["Aim", "Bounds", "PlanOptions", "Removed"]
+__all__ = ["Aim", "Bounds", "MadePath", "PlanOptions", "Removed"]
 
 Bounds = Literal["machine", "ramp"]
+MadePath = Literal["raster", "maze", "spiral", "random"]
 
 # Finer lines cost time at every turn and every limited step, and leave no smaller residual.
 PITCH_SHARE = 0.25
@@ -27,7 +28,8 @@ class PlanOptions:
     Attributes
     ----------
     path
-        "raster", "maze", or a CSV file of nodes (`x_mm,y_mm`); "nodes" marks a schedule of given nodes.
+        "raster", "maze", "spiral", "random" (adaptive: denser where more is to go), or a CSV file of nodes
+        (`x_mm,y_mm`); "nodes" marks a schedule of given nodes.
     pitch_mm, step_mm
         Distance between lines and between nodes along a line; a maze has its pitch alone. None for a quarter of the
         tool's full width at half maximum, and for a step like the pitch; a plan's options hold what was chosen.
@@ -35,6 +37,8 @@ class PlanOptions:
         Axis along which the raster's lines run.
     seed
         Of a random path.
+    inside_out
+        Whether a spiral starts in the middle.
     clear_aperture
         Where the residual counts; None for the whole valid map.
     remove
@@ -65,11 +69,12 @@ class PlanOptions:
         Whether the whole curve of residual against time goes into the plan.
     """
 
-    path: Literal["raster", "maze", "nodes"] | Path = "raster"
+    path: MadePath | Literal["nodes"] | Path = "raster"
     pitch_mm: float | None = None
     step_mm: float | None = None
     scan_axis: Literal["x", "y"] = "x"
     seed: int = 0
+    inside_out: bool = False
     clear_aperture: Region | None = None
     remove: Removed = "tilt"
     extra_removal_nm: float | None = None

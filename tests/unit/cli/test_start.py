@@ -33,9 +33,7 @@ def test_the_version_is_told() -> None:
 
 
 def test_python_m_is_the_same_command() -> None:
-    child = subprocess.run(
-        [sys.executable, "-m", "ibfctl", "--version"], capture_output=True, text=True, check=True
-    )
+    child = subprocess.run([sys.executable, "-m", "ibfctl", "--version"], capture_output=True, text=True, check=True)
     assert __version__ in child.stdout
 
 

@@ -43,7 +43,8 @@ class PlanRequest(BaseModel):
     map_id: str
     influence_id: str
     machine_id: Annotated[str | None, Field(description="Machine to plan for; default: the service's own.")] = None
-    path: Literal["raster", "maze"] = "raster"
+    path: Literal["raster", "maze", "spiral", "random"] = "raster"
+    inside_out: Annotated[bool, Field(description="A spiral starts in the middle.")] = False
     seed: Annotated[int, Field(ge=0)] = 0
     pitch_mm: Annotated[
         Positive | None, Field(description="Distance between lines; default: a quarter of the tool's full width.")
