@@ -6,22 +6,29 @@ import numpy as np
 
 from ibfctl.machine.program import PvtProgram
 from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.job import corridor_of
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import DwellPlan, Plan
-from ibfctl.schedule.certificate import Certificate
+from ibfctl.schedule.certificate import Certificate, certify
 from support.programs import machine
 
 
+def nodes_mm(job: PvtProgram, coordinate: str) -> np.ndarray:
+    axis = job.axis_of(coordinate)
+    return (axis.start_counts + np.concatenate([[0], np.cumsum(axis.increment_counts)])) / axis.counts_per_mm
+
+
 def plan_of(job: PvtProgram) -> Plan:
-    points = np.zeros(len(job))
-    nodes = np.zeros(len(job) + 1)
+    """A plan whose path are the program's own nodes, certified for what the program keeps."""
+    path = ToolPath(*(nodes_mm(job, coordinate) for coordinate in "xy"))
+    checks = certify(job, machine(), path, job.time_s, np.arange(len(job)), corridor_of(PlanOptions())).checks
     return Plan(
         machine=machine(),
         options=PlanOptions(),
-        path=ToolPath(nodes, nodes),
-        dwell=DwellPlan(points, points, points),
+        path=path,
+        dwell=DwellPlan(path.dwell_x_mm, path.dwell_y_mm, job.time_s),
         program=job,
-        certificate=Certificate(()),
+        certificate=Certificate(tuple(check for check in checks if check.passed)),
         surface=None,
         influence=None,
         prediction=None,

@@ -303,7 +303,9 @@ class GalilController:
             self._abort.abandon("an abort broke into it")
         else:
             self._abort.shout(data)
-            self._abort.heard(prompts=len(lines))
+            *acts, _ = self._abort.heard(prompts=len(lines))
+            if not all(acts):  # the stamp, which is last, has no variable after a restart of the controller
+                raise RejectedError("controller refused to abort", "use the emergency stop")
 
     def _refuse_if_latched(self) -> None:
         if self.latched():

@@ -183,14 +183,13 @@ class Link:
         self._send(data)
         self._note(data.decode("ascii").strip("\r"), "")
 
-    def heard(self, prompts: int) -> None:
-        """Wait for the prompts of what was shouted; rejections raise `RejectedError`."""
+    def heard(self, prompts: int) -> list[bool]:
+        """Wait for the prompts of what was shouted; return which of it was accepted."""
         with self._lock:
             deadline = time.monotonic() + self._timeout_s
             accepted = [self._reply(deadline)[1] for _ in range(prompts)]
         self._note("", "".join("?:"[good] for good in accepted))
-        if not all(accepted):
-            raise RejectedError("controller refused to abort", "use the emergency stop")
+        return accepted
 
     def abandon(self, reason: str) -> None:
         """Let nobody use this link any more, though its transport stays open until `close`; waits for no lock."""

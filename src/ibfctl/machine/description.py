@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from ibfctl.errors import InputError
 
@@ -75,6 +75,33 @@ class BeamGate(_Section):
     guard_patience_s: Annotated[float, Field(ge=0.5, le=60)] = 2.0
 
 
+class Interlock(_Section):
+    """A condition that must hold while the beam is on."""
+
+    name: Annotated[str, Field(min_length=1, max_length=60)]
+    source: Annotated[str, Field(pattern=r"^(pushed|digital ([1-9]|[1-7][0-9]|80)|analog [1-8])$")]
+    min: Finite
+    max: Finite
+    settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    stale_s: Positive = 10.0
+
+    @model_validator(mode="after")
+    def _band_is_a_range(self) -> Self:
+        if self.min > self.max:
+            raise ValueError("min must not be greater than max")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Return "digital", "analog" or "pushed"."""
+        return self.source.partition(" ")[0]
+
+    @property
+    def number(self) -> int:
+        """Number of the input; 0 where the value is pushed."""
+        return int(self.source.partition(" ")[2] or 0)
+
+
 class Connection(_Section):
     """Where the controller listens, and how long a reply may take; a serial port takes the place of host and port."""
 
@@ -96,11 +123,24 @@ class MachineDescription(_Section):
     homing: Homing = Homing()
     beam_gate: BeamGate
     connection: Connection = Connection()
+    interlocks: tuple[Interlock, ...] = ()
 
     @model_validator(mode="after")
     def _one_axis_per_coordinate(self) -> Self:
         if sorted(axis.coordinate for axis in self.axes.values()) != ["x", "y"]:
             raise ValueError("axes must hold exactly one axis for x and one for y")
+        return self
+
+    @field_validator("interlocks", mode="before")
+    @classmethod
+    def _tables(cls, value: object) -> object:
+        return tuple(value) if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _interlocks_have_names(self) -> Self:
+        names = [interlock.name for interlock in self.interlocks]
+        if len(set(names)) != len(names):
+            raise ValueError("interlocks must have different names")
         return self
 
     def letter_of(self, coordinate: str) -> str:

@@ -51,6 +51,8 @@ class Feeder:
         The account of what was sent and executed.
     log
         All polls since the begin.
+    began_samples
+        The controller's sample counter at the begin; 0 before.
     paused
         Whether the leg ends at a pause.
     """
@@ -70,7 +72,7 @@ class Feeder:
         self._ahead_s = AHEAD_OF_PATIENCE * rig.patience_s
         self._end_sent = False
         self._began = False
-        self._began_samples = 0
+        self.began_samples = 0
         self._reported_at = 0.0
         self.leg = leg
         self.close_at = len(program)
@@ -95,7 +97,7 @@ class Feeder:
         self._began = True
         self._expect()
         self._controller.begin_segments(self.leg.open_at, self.close_at)
-        self._began_samples = self._controller.stamps().begun or 0
+        self.began_samples = self._controller.stamps().begun or 0
 
     def send(self, room: int) -> int:
         """Send as many segments as have surely room, in portions that take no long time; return how many."""
@@ -135,7 +137,7 @@ class Feeder:
     def _report(self, status: BufferStatus) -> None:
         self._reported_at = now = time.monotonic()
         margin_s, ledger, leg = max(self.ledger.margin_s(now), 0.0), self.ledger, self.leg
-        done = min(status.time_samples - self._began_samples, int(leg.ends_samples[-1]))
+        done = min(status.time_samples - self.began_samples, int(leg.ends_samples[-1]))
         executed = min(max(status.executed_segments.values()), len(leg.program))
         position_mm = {
             coordinate: status.position_counts[letter] / leg.program.axes[letter].counts_per_mm

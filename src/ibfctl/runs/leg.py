@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from ibfctl.errors import AbortedError, EstoppedError, IbfctlError, StoppedError
-from ibfctl.machine.controller import Stamps
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import IntArray, MotionProgram, PvtProgram
 from ibfctl.runs import seam
@@ -97,8 +96,8 @@ class LegOutcome:
         Least motion surely left in the buffer while there was more to send, in controller seconds.
     stop_codes, position_error_counts
         By axis letter, at rest; empty where the controller could not be asked.
-    stamps
-        As the controller gave them; None where it could not be asked.
+    begun_samples
+        The controller's sample counter at the begin of the motion; 0 where there was none.
     polls
         All that was polled on the way.
     """
@@ -113,5 +112,10 @@ class LegOutcome:
     minimum_margin_s: float
     stop_codes: Mapping[str, int]
     position_error_counts: Mapping[str, int]
-    stamps: Stamps | None
+    begun_samples: int
     polls: Polls
+
+    @property
+    def seam(self) -> int:
+        """Where in the plan a resume has to begin, in samples from the plan's begin."""
+        return self.leg.first_plan_sample if self.open_plan_samples is None else self.open_plan_samples[1]

@@ -118,7 +118,7 @@ class _Work:
             minimum_margin_s=ledger.minimum_margin_s,
             stop_codes=codes,
             position_error_counts=errors,
-            stamps=stamps,
+            begun_samples=self._feeder.began_samples,
             polls=polls,
         )
 
@@ -193,20 +193,18 @@ class _Work:
     def _open_plan_samples(self, stamps: Stamps | None, polls: Polls) -> tuple[tuple[int, int] | None, int]:
         """Return where in the plan the gate was open, and by how much the closing may have been later.
 
-        Without stamps the gate was open from its segment on, and closed by the guard at the latest.
+        Without stamps the gate was open from its segment on up to the last poll, and was closed by the guard, if not
+        before, when that lost its patience.
         """
-        leg = self._feeder.leg
-        last = int(leg.ends_samples[self._feeder.close_at])
-        opens, shift = int(leg.ends_samples[leg.open_at]), leg.shift_samples
+        leg, begun = self._feeder.leg, self._feeder.began_samples
+        opens, closes = (int(leg.ends_samples[segment]) for segment in (leg.open_at, self._feeder.close_at))
         if stamps is not None and stamps.begun is not None:
             if stamps.opened is None:
                 return None, 0
-            closed = last if stamps.closed is None else min(stamps.closed - stamps.begun, last)
-            return (stamps.opened - stamps.begun + shift, closed + shift), 0
-        if not self._began or not polls.time_samples.size:
-            return None, 0
-        seen = int(leg.ends_samples[self._feeder.ledger.executed])
-        if seen < opens:
+            closed = closes if stamps.closed is None else min(stamps.closed - stamps.begun, closes)
+            return (stamps.opened - stamps.begun + leg.shift_samples, closed + leg.shift_samples), 0
+        seen = min(int(polls.time_samples[-1]) - begun, closes) if begun and polls.time_samples.size else 0
+        if seen <= opens:
             return None, 0
         patience = round(self._rig.patience_s / leg.program.sample_period_s)
-        return (opens + shift, min(seen, last) + shift), min(patience, last - min(seen, last))
+        return (opens + leg.shift_samples, seen + leg.shift_samples), min(patience, closes - seen)

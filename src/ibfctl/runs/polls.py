@@ -25,11 +25,14 @@ class Polls:
         Monotonic clock of the host, halfway between question and answer.
     position_counts : mapping of axis letter to (n,) int64
         Encoder positions.
+    round_trip_s
+        The longest round trip of all.
     """
 
     time_samples: IntArray
     host_s: NDArray[np.float64]
     position_counts: dict[str, IntArray]
+    round_trip_s: float
 
 
 class PollLog:
@@ -38,11 +41,13 @@ class PollLog:
     def __init__(self, letters: Sequence[str]) -> None:
         self._time, self._host = array("q"), array("d")
         self._positions = {letter: array("q") for letter in letters}
+        self._round_trip_s = 0.0
 
     def add(self, status: BufferStatus, asked_at: float, answered_at: float) -> None:
         """Keep one answer."""
         self._time.append(status.time_samples)
         self._host.append((asked_at + answered_at) / 2)
+        self._round_trip_s = max(self._round_trip_s, answered_at - asked_at)
         for letter, values in self._positions.items():
             values.append(status.position_counts[letter])
 
@@ -52,4 +57,5 @@ class PollLog:
             np.array(self._time, dtype=np.int64),
             np.array(self._host, dtype=np.float64),
             {letter: np.array(values, dtype=np.int64) for letter, values in self._positions.items()},
+            self._round_trip_s,
         )

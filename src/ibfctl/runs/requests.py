@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from enum import StrEnum
 
 
@@ -32,7 +33,8 @@ class Requests:
         self._lock = threading.Lock()
         self._stop = self._estop = self._confirmed = False
         self._pause: When | None = None
-        self._interlocks: dict[str, float] = {}
+        self._held: frozenset[str] = frozenset()
+        self._pushed: dict[str, tuple[float, float]] = {}
 
     def pause(self, when: When) -> None:
         """Come to rest; a pause at once outweighs one at a safe point."""
@@ -40,9 +42,12 @@ class Requests:
             self._pause = When.NOW if When.NOW in (when, self._pause) else when
 
     def resume(self) -> None:
-        """Go on where the run was paused, or take back a pause that has not begun."""
+        """Go on where the run was paused, or take back a pause that has not begun.
+
+        An interlock that is still out of its band holds the run all the same.
+        """
         with self._lock:
-            self._pause = None
+            self._pause, self._held = None, frozenset()
 
     def stop(self) -> None:
         """Gate closed, axes decelerated, no way back."""
@@ -59,12 +64,27 @@ class Requests:
     def interlock(self, name: str, value: float) -> None:
         """Push the value of an interlock that has no input of the controller."""
         with self._lock:
-            self._interlocks[name] = value
+            self._pushed[name] = value, time.monotonic()
+
+    def hold(self, name: str) -> None:
+        """Pause at once because of an interlock."""
+        with self._lock:
+            self._held |= {name}
+
+    def release(self, name: str) -> None:
+        """Take an interlock's pause back; an operator's stays."""
+        with self._lock:
+            self._held -= {name}
 
     @property
     def pause_wanted(self) -> When | None:
         """The pause that is wanted, if any."""
-        return self._pause
+        return When.NOW if self._held else self._pause
+
+    @property
+    def held(self) -> frozenset[str]:
+        """Names of the interlocks that hold the run."""
+        return self._held
 
     @property
     def stop_wanted(self) -> bool:
@@ -82,7 +102,7 @@ class Requests:
         return self._confirmed
 
     @property
-    def interlocks(self) -> dict[str, float]:
-        """Values pushed last, by name."""
+    def pushed(self) -> dict[str, tuple[float, float]]:
+        """Value pushed last and when (monotonic clock), by name of the interlock."""
         with self._lock:
-            return dict(self._interlocks)
+            return dict(self._pushed)
