@@ -12,6 +12,8 @@ from ibfctl.planning.plan import DwellPlan, Plan
 from ibfctl.schedule.certificate import Certificate, certify
 from support.programs import machine
 
+OPTIONS = PlanOptions(pitch_mm=1.0, step_mm=1.0)
+
 
 def nodes_mm(job: PvtProgram, coordinate: str) -> np.ndarray:
     axis = job.axis_of(coordinate)
@@ -21,10 +23,10 @@ def nodes_mm(job: PvtProgram, coordinate: str) -> np.ndarray:
 def plan_of(job: PvtProgram) -> Plan:
     """A plan whose path are the program's own nodes, certified for what the program keeps."""
     path = ToolPath(*(nodes_mm(job, coordinate) for coordinate in "xy"))
-    checks = certify(job, machine(), path, job.time_s, np.arange(len(job)), corridor_of(PlanOptions())).checks
+    checks = certify(job, machine(), path, job.time_s, np.arange(len(job)), corridor_of(OPTIONS)).checks
     return Plan(
         machine=machine(),
-        options=PlanOptions(),
+        options=OPTIONS,
         path=path,
         dwell=DwellPlan(path.dwell_x_mm, path.dwell_y_mm, job.time_s),
         program=job,
