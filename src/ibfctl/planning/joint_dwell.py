@@ -71,7 +71,7 @@ def solve_jointly(
     """
     if method == "ours":
         return _ours(jobs, changes_s, cancelled, progress)
-    problems = _problems(jobs, COARSE_CELLS_PER_WIDTH, np.float64)
+    problems = _problems(jobs, CELLS_PER_WIDTH, np.float64)
     if method == "mto":
         joint = joint_problem(problems, problems[-1].misfit)
         removal = JointRemoval([problem.operator for problem in problems])

@@ -51,6 +51,14 @@ def test_the_order_of_section_4_on_fine_pixels() -> None:
     assert all(one < other for one, other in zip(slopes_s_mm(mto), slopes_s_mm(sto), strict=True))
 
 
+def test_mto_leaves_slightly_more_than_sto_in_less_time() -> None:
+    # Section 5.1: the same residual but for 0.4 nm, in a shorter time.
+    surface = EXPERIMENT.surface(0.5)
+    mto, sto = (EXPERIMENT.plan(surface, method) for method in ("mto", "sto"))  # type: ignore[arg-type]
+    assert _ideal_nm(sto) < _ideal_nm(mto) < _ideal_nm(sto) + 0.4
+    assert mto.beam_time_s < 0.9 * sto.beam_time_s
+
+
 def test_the_limit_on_speed_costs_residual_and_the_loop_recovers_some() -> None:
     # Section 5: 6.9 nm with the limit, 2.1 nm without.
     surface = EXPERIMENT.surface(0.5)
