@@ -83,6 +83,7 @@ def fill_prediction(file: h5py.Group, prediction: Prediction) -> None:
         ("clear_aperture", prediction.clear_aperture),
     ):
         file.create_dataset(f"prediction/{name}", data=array, **_COMPRESSED)
+    file["prediction"].attrs.update(file["map/height_nm"].attrs)
 
 
 def fill_spectra(file: h5py.Group, prediction: Prediction, pixel_mm: float) -> None:
