@@ -44,6 +44,9 @@ def folder(tmp_path: Path) -> Path:
     np.savez(tmp_path / "map.npz", height_nm=height_nm, pixel_mm=0.25)
     tif = gaussian(1.6, 4.0, 2.0, 0.25)
     np.savez(tmp_path / "tif.npz", rate_nm_s=tif.rate_nm_s, pixel_mm=tif.pixel_mm)
+    dent_nm = 100 * np.exp(-np.add.outer(np.linspace(-3, 3, 61) ** 2, np.linspace(-3, 3, 61) ** 2))
+    np.savez(tmp_path / "before.npz", height_nm=np.zeros_like(dent_nm), pixel_mm=0.1)
+    np.savez(tmp_path / "after.npz", height_nm=-dent_nm, pixel_mm=0.1)
     points = [f"{x},{y},{value}" for (y, x), value in np.ndenumerate(height_nm)]
     (tmp_path / "heights.csv").write_text("\n".join(["x,y,z", *points]))
     (tmp_path / "timed.csv").write_text("x_mm,y_mm,dwell_s\n0,0,0\n1,0,0.2\n2,0,0.25\n3,0,0.2\n")
