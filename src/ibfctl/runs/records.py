@@ -13,23 +13,17 @@ from ibfctl.planning.file import read_plan
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.restart import places
 from ibfctl.runs.history import History, history
-from ibfctl.runs.job import read_job
+from ibfctl.runs.job import Job, read_job
 from ibfctl.runs.journal import Journal
-from ibfctl.runs.outcome import RunOutcome
 from ibfctl.runs.places import PLAN, RUN, journal_beside
+from ibfctl.runs.result import RunResult
 from ibfctl.runs.run_file import RunRecord, write_run
+from ibfctl.runs.states import RunState
 from ibfctl.runs.trace import RunTrace
 
 
-def record_run(folder: Path, outcome: RunOutcome | None = None, trace: RunTrace | None = None) -> AsRun | None:
-    """Write `run.h5` of the run in `folder`, which is over or interrupted; return what it has removed.
-
-    Parameters
-    ----------
-    outcome
-        Proof of a worker that all was executed.
-    trace
-        Of a worker that has seen all of the run; without, the journal's places are what is known.
+def record_run(folder: Path) -> AsRun | None:
+    """Write `run.h5` of the run in `folder` from its journal; return what it has removed.
 
     Raises
     ------
@@ -39,26 +33,65 @@ def record_run(folder: Path, outcome: RunOutcome | None = None, trace: RunTrace 
     plan, job = read_plan(folder / PLAN), read_job(folder)
     with Journal.open(journal_beside(folder)) as journal:
         known = history(journal, folder.name)
-        state = journal.last(folder.name, "state")
-    trace = trace or trace_of_history(plan, known)
-    told = state.data if state is not None else {"state": "queued"}
+        event = journal.last(folder.name, "state")
+    told = event.data if event is not None else {}
     record = RunRecord(
         job.machine(folder),
         tuple(known.executed),
         known.uncertainty_samples,
-        trace,
-        outcome,
-        told["state"],
-        told.get("reason") or "",
+        trace_of_history(plan, known),
+        state=told.get("state", RunState.QUEUED),
+        reason=told.get("reason") or "",
+        run=job.run,
+        operator=job.operator,
+        simulated=job.simulated,
+    )
+    return _write(folder, plan, record)
+
+
+def record_result(folder: Path, plan: Plan, job: Job, result: RunResult, before: History) -> AsRun | None:
+    """Write `run.h5` of a run that its worker has seen the end of; return what it has removed.
+
+    Parameters
+    ----------
+    result
+        What the worker has done.
+    before
+        What earlier workers of the run had done.
+    """
+    record = RunRecord(
+        job.machine(folder),
+        (*before.executed, *result.executed_plan_samples),
+        result.uncertainty_samples,
+        _joined(trace_of_history(plan, before), result.trace),
+        result.outcome() if result.state is RunState.COMPLETED else None,
+        result.state,
+        result.error.message if result.error is not None else "",
         job.run,
         job.operator,
         job.simulated,
     )
-    as_run = as_run_of(plan, trace)
+    return _write(folder, plan, record)
+
+
+def _write(folder: Path, plan: Plan, record: RunRecord) -> AsRun | None:
+    as_run = as_run_of(plan, record.trace)
     with (folder / PLAN).open("rb") as stream:
         plan_file = InputFile(PLAN, hashlib.file_digest(stream, "sha256").hexdigest())
     write_run(folder / RUN, plan, plan_file, record, as_run)
     return as_run
+
+
+def _joined(first: RunTrace | None, second: RunTrace | None) -> RunTrace | None:
+    """One trace after the other; each counts samples from a begin of its own."""
+    if first is None or second is None:
+        return first or second
+    return RunTrace(
+        np.append(first.sample, second.sample - second.sample[0] + first.sample[-1] + 1),
+        {letter: np.append(counts, second.position_counts[letter]) for letter, counts in first.position_counts.items()},
+        np.append(first.gate_open, second.gate_open),
+        first.sample_period_s,
+    )
 
 
 def as_run_of(plan: Plan, trace: RunTrace | None) -> AsRun | None:

@@ -47,9 +47,8 @@ class RunReporter:
         kind
             ``state`` (with ``state``, and ``reason`` and ``hint`` where there are any), ``progress`` (fields of the
             status; recorded once a second, with all places of the tool since), ``act``, ``fault``, ``interlock``, or
-            ``leg``: before it begins, with ``first_plan_sample`` and ``open_at``; with ``leave_at`` where a ramp to
-            rest takes the place of what follows; and when it is over, with ``end``, ``open_plan_samples`` and
-            ``uncertainty_samples``.
+            ``leg``: before it begins, with ``first_plan_sample`` and ``open_at``, and when it is over, with ``end``,
+            ``open_plan_samples`` and ``uncertainty_samples`` as well.
         data
             What happened.
         key
@@ -68,7 +67,7 @@ class RunReporter:
             if kind == "leg" and self._places:
                 self._record_places({})
             self._journal.record(kind, data, key)
-        if kind == "leg" or data.get("state") == RunState.ARMED:
+        if data.get("state") == RunState.ARMED or (kind == "leg" and "end" not in data):
             # Recovery must know which motion the controller's stamps are of. The gate is closed and the axes stand,
             # so waiting does no harm; a journal that fails holds the run up no longer than this.
             self._journal.flush(PATIENCE_S)

@@ -5,20 +5,21 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ibfctl.errors import RunError
 from ibfctl.machine.description import MachineDescription
-from ibfctl.machine.program import MotionProgram, PvtProgram
+from ibfctl.machine.program import PvtProgram
 from ibfctl.planning.file import read_plan
-from ibfctl.runs import seam
 from ibfctl.runs.job import read_job
 from ibfctl.runs.journal import Event, Journal
-from ibfctl.runs.leg import Leg
 from ibfctl.runs.places import PLAN, journal_beside
+from ibfctl.runs.seam import ramp_down, run_in
 
 _BATCH = re.compile(r"segments (\d+) to (\d+), (\d+) lines, sha256 ([0-9a-f]{64})")
+_BATCHES_PER_RAMP = 16
 
 
 def transcript(folder: Path) -> dict[str, bytes]:
@@ -33,27 +34,11 @@ def transcript(folder: Path) -> dict[str, bytes]:
     with Journal.open(journal_beside(folder)) as journal:
         legs = journal.events(run=folder.name, kind="leg")
         exchanges = list(journal.wire(folder.name))
-    return replay(exchanges, leg_programs(legs, plan.program, machine))
+    begun = [event for event in legs if "first_plan_sample" in event.data and "end" not in event.data]
+    return replay(exchanges, [_Sent.of_leg(event, plan.program, machine) for event in begun])
 
 
-def leg_programs(
-    events: Iterable[Event], plan: PvtProgram, machine: MachineDescription
-) -> list[tuple[float, list[MotionProgram]]]:
-    """Return for every leg when it was recorded, and what it can have streamed: its program, and that with a ramp."""
-    found: list[tuple[float, list[MotionProgram]]] = []
-    for event in events:
-        data = event.data
-        if "first_plan_sample" in data:
-            leg = Leg(plan) if data["open_at"] == 0 else Leg.resumed(plan, data["first_plan_sample"], machine)
-            found.append((event.monotonic_s, [leg.program]))
-        elif data.get("leave_at") is not None:
-            programs = found[-1][1]
-            assert isinstance(programs[0], PvtProgram)  # no other can pause
-            programs.append(seam.ramp_down(programs[0], data["leave_at"], machine).program)
-    return found
-
-
-def replay(exchanges: Iterable[Sequence[Any]], legs: Sequence[tuple[float, list[MotionProgram]]]) -> dict[str, bytes]:
+def replay(exchanges: Iterable[Sequence[Any]], legs: Sequence[_Sent]) -> dict[str, bytes]:
     """Return the bytes of every handle.
 
     Parameters
@@ -61,31 +46,59 @@ def replay(exchanges: Iterable[Sequence[Any]], legs: Sequence[tuple[float, list[
     exchanges
         Handle, sent, reply and monotonic time of each, in their order.
     legs
-        Of `leg_programs`.
+        What was streamed, in the order in which it was.
     """
-    sent: dict[str, bytes] = {}
+    sent: dict[str, list[bytes]] = {}
     for handle, text, _, at_s in exchanges:
-        data = sent.setdefault(handle, b"")
         batch = _BATCH.fullmatch(text)
+        parts = sent.setdefault(handle, [])
         if batch is not None:
-            programs = [programs for begun, programs in legs if begun <= at_s]
-            data += _lines(batch, programs[-1] if programs else [])
+            streamed = [leg for leg in legs if leg.recorded_s <= at_s]
+            if not streamed:
+                raise RunError("segments were sent before any leg was recorded", "the journal was changed")
+            parts.append(streamed[-1].lines(int(batch[1]), int(batch[2]) + 1, batch[4]))
         elif text:
-            data += f"{text}\r".encode("ascii")
-        sent[handle] = data
-    return sent
+            parts.append(f"{text}\r".encode("ascii"))
+    return {handle: b"".join(parts) for handle, parts in sent.items()}
 
 
-def _lines(batch: re.Match[str], programs: Sequence[MotionProgram]) -> bytes:
-    first, last, digest = int(batch[1]), int(batch[2]) + 1, batch[4]
-    for program in programs:
-        data = pvt_lines(program, first, last) if isinstance(program, PvtProgram) else b""
-        if hashlib.sha256(data).hexdigest() == digest:
+@dataclass
+class _Sent:
+    """The program of a leg, and where in it a ramp to rest can have taken the place of the rest."""
+
+    recorded_s: float
+    program: PvtProgram
+    machine: MachineDescription
+    batches: list[int] = field(default_factory=list)
+
+    @classmethod
+    def of_leg(cls, event: Event, plan: PvtProgram, machine: MachineDescription) -> _Sent:
+        """Make it again as the run did."""
+        if not event.data["open_at"]:
+            return cls(event.monotonic_s, plan, machine)
+        return cls(event.monotonic_s, run_in(plan, event.data["first_plan_sample"], machine).program, machine)
+
+    def lines(self, first: int, last: int, digest: str) -> bytes:
+        """Return the lines of segments `first` to `last` (exclusive) that have this digest."""
+        self.batches.append(first)
+        data = pvt_lines(self.program, first, last)
+        if _is(data, digest):
             return data
-    raise RunError(
-        f"segments {first} to {last - 1}: the plan does not give what was sent (sha256 {digest[:12]}...)",
-        "the plan, the machine file or the journal was changed",
-    )
+        # A pause turns to rest behind what was sent: at the begin of a batch.
+        for turned in reversed(self.batches[-_BATCHES_PER_RAMP:]):
+            program = ramp_down(self.program, turned, self.machine).program
+            data = pvt_lines(program, first, last)
+            if _is(data, digest):
+                self.program = program
+                return data
+        raise RunError(
+            f"segments {first} to {last - 1}: the plan does not give what was sent (sha256 {digest[:12]}...)",
+            "the plan, the machine file or the journal was changed",
+        )
+
+
+def _is(data: bytes, digest: str) -> bool:
+    return hashlib.sha256(data).hexdigest() == digest
 
 
 def pvt_lines(program: PvtProgram, first: int, last: int) -> bytes:

@@ -11,28 +11,26 @@ import logging
 import os
 import signal
 import sys
-import threading
 from contextlib import ExitStack
 from pathlib import Path
 
 from ibfctl.errors import AbortedError, IbfctlError, RunError
-from ibfctl.machine.controller import MotionController
-from ibfctl.machine.description import MachineDescription
 from ibfctl.planning.file import read_plan
-from ibfctl.planning.plan import Plan
 from ibfctl.runs.adoption import last_state
+from ibfctl.runs.conductor import conduct
 from ibfctl.runs.control import Act, ControlReader
 from ibfctl.runs.drivers import connect
+from ibfctl.runs.history import history
 from ibfctl.runs.job import Job, read_job
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.lock import MachineLock
-from ibfctl.runs.outcome import RunProgress
 from ibfctl.runs.places import PLAN, SIDE, journal_beside
 from ibfctl.runs.recorder import JournalWriter, absorb
+from ibfctl.runs.records import record_result
 from ibfctl.runs.reporter import RunReporter
+from ibfctl.runs.requests import Requests, When
 from ibfctl.runs.states import RunState
 from ibfctl.runs.status import StatusWriter, read
-from ibfctl.runs.streamer import execute
 from ibfctl.runs.wire import WireRecorder
 
 _log = logging.getLogger(__name__)
@@ -67,10 +65,11 @@ class Worker:
     def __init__(self, folder: Path, job: Job, control: int) -> None:
         self._folder = folder
         self._job = job
-        self._abort = threading.Event()
+        self._requests = Requests()
         with Journal.open(journal_beside(folder)) as journal:
             absorb(journal, folder / SIDE)
             state = last_state(journal, job.run)
+            self._before = history(journal, job.run)
         shown = read(folder) or {"seq": 0}
         always = {"run": job.run, "state": state, "simulated": job.simulated, "worker_pid": os.getpid()}
         self._status = StatusWriter(folder, always, shown["seq"])
@@ -91,52 +90,43 @@ class Worker:
         self._status.close()
 
     def run(self) -> int:
-        """Take the machine, connect, execute; return the exit code."""
+        """Take the machine, connect, conduct the run, record it; return the exit code."""
         try:
             with ExitStack() as resources:
                 plan = read_plan(self._folder / PLAN)
                 machine = self._job.machine(self._folder)
                 resources.enter_context(MachineLock(machine, f"run {self._job.run}"))
-                self._report("state", {"state": RunState.PREFLIGHT})
+                resuming = self._job.resume_at is not None
+                self._report("state", {"state": RunState.RESUMING if resuming else RunState.PREFLIGHT})
                 controller = connect(machine, self._wire)
                 resources.callback(controller.close)
-                self._conduct(plan, machine, controller)
+                result = conduct(
+                    plan,
+                    machine,
+                    controller,
+                    self._requests,
+                    self._report,
+                    time_scale=self._job.speed,
+                    resume_at=self._job.resume_at,
+                    folder=self._folder,
+                )
+            record_result(self._folder, plan, self._job, result, self._before)
         except IbfctlError as error:
             _log.error("%s", error)
-            state = RunState.ABORTED if isinstance(error, AbortedError) else RunState.FAULTED
-            self._end(state, error)
+            self._end(RunState.ABORTED if isinstance(error, AbortedError) else RunState.FAULTED, error)
             return error.exit_code
         except BaseException as error:
             _log.exception("the worker failed")
             self._end(RunState.FAULTED, RunError(f"the worker failed: {error!r}", "see worker.log in the run's folder"))
             raise
-        return 0
-
-    def _conduct(self, plan: Plan, machine: MachineDescription, controller: MotionController) -> None:
-        def on_progress(progress: RunProgress) -> None:
-            if self._report.state is RunState.PREFLIGHT:
-                for state in (RunState.MOVING_TO_START, RunState.ARMED, RunState.RUNNING):
-                    self._report("state", {"state": state})
-            self._report("progress", _fields(progress))
-
-        self._report("leg", {"leg": 0, "first_plan_sample": 0, "open_at": 0})
-        execute(
-            plan.program,
-            machine,
-            controller,
-            on_progress=on_progress,
-            abort=self._abort,
-            time_scale=self._job.speed,
-        )
-        self._report("state", {"state": RunState.FINISHING})
-        self._report("state", {"state": RunState.COMPLETED})
+        return 0 if result.error is None else result.error.exit_code
 
     def _take(self, act: Act) -> None:
         """Do at once what somebody asks for; noted is it afterwards."""
-        if act["act"] in ("stop", "abort", "estop"):
-            self._abort.set()
-        else:
-            self._refuse(f"act {act['act']!r} is not known")
+        try:
+            ask(self._requests, act)
+        except (KeyError, TypeError, ValueError) as error:
+            self._refuse(f"{act}: {error!r}")
         self._report("act", act, act.get("key"))
 
     def _refuse(self, what: str) -> None:
@@ -149,14 +139,31 @@ class Worker:
             self._report("state", told)
 
 
-def _fields(progress: RunProgress) -> dict[str, object]:
-    return {
-        "sent": progress.sent,
-        "executed": progress.executed,
-        "total": progress.total,
-        "margin_s": progress.margin_s,
-        "gate": "open" if progress.gate_open else "closed",
-    }
+def ask(requests: Requests, act: Act) -> None:
+    """Pass an act on.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If there is no such act, or it lacks something.
+    """
+    match act["act"]:
+        case "pause":
+            requests.pause(When(act.get("when", When.SAFE_POINT)))
+        case "resume":
+            requests.resume()
+        case "stop":
+            requests.stop()
+        case "abort":
+            requests.abort.set()
+        case "estop":
+            requests.estop()
+        case "confirm":
+            requests.confirm()
+        case "interlock":
+            requests.interlock(str(act["name"]), float(act["value"]))
+        case other:
+            raise ValueError(f"no act {other!r}")
 
 
 if __name__ == "__main__":
