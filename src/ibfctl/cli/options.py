@@ -96,6 +96,11 @@ covering_options = together(
     click.option(
         "--corridor-mm", type=float, help="How far the path may leave its segment, mm; default: 5 % of pitch."
     ),
+    click.option(
+        "--corner-tolerance-mm",
+        type=POSITIVE,
+        help="Round corners, leaving the programmed path by no more, mm; default: sharp.",
+    ),
 )
 
 bounds_options = together(

@@ -29,10 +29,30 @@ def plan_lines(figures: Mapping[str, Any]) -> Lines:
         *([("dwell times", dwell_bounds(figures))] if "dwell_bounds" in figures else []),
         ("peak velocity", per_axis(figures["peak_velocity_mm_s"], "mm/s")),
         ("peak acceleration", per_axis(figures["peak_acceleration_mm_s2"], "mm/s²")),
+        *(smoothing_lines(figures) if "smoothing" in figures else []),
         ("certificate", certificate(figures["certificate"])),
         ("planning time", f"{figures['planning_time_s']:.2f} s"),
     ]
     return lines
+
+
+def smoothing_lines(figures: Mapping[str, Any]) -> Lines:
+    """Say what rounding the corners did."""
+    rounding = figures["smoothing"]
+    sharp_s, lowers = rounding["sharp_total_time_s"], " and ".join(rounding["lowers"])
+    return [
+        (
+            "rounded corners",
+            f"{rounding['corners']}, at most {rounding['deviation_mm']:.4g} mm off the programmed path "
+            f"(tolerance {rounding['corner_tolerance_mm']:g} mm)",
+        ),
+        (
+            "with sharp corners",
+            f"{rounding['sharp_executed_rms_nm']:.3f} nm RMS, "
+            f"{per_axis(rounding['sharp_peak_acceleration_mm_s2'], 'mm/s²')}, {sharp_s:.1f} s",
+        ),
+        ("rounding lowers", f"{lowers} in the same time" if lowers else "neither residual nor acceleration"),
+    ]
 
 
 def trade_off_table(points: Sequence[CurvePoint]) -> list[str]:

@@ -18,9 +18,9 @@ Layout (docs/file-formats.md explains it; names are stable):
 ``/psd/x, y, radial/frequency_per_mm, weight, before, after``
     (k,): power spectral densities, see `ibfctl.surface.psd`; written for others, not read back.
 ``/`` attributes
-    `format`, `version` (of ibfctl), `machine`, `options`, `certificate`, `rounds`, `trade_off`, `inputs` (names and
-    SHA-256), all JSON, and `planning_time_s`. `/map`, `/influence`, `/prediction` and `/psd` are absent where only a
-    schedule was made.
+    `format`, `version` (of ibfctl), `machine`, `options`, `certificate`, `rounds`, `trade_off`, `smoothing`,
+    `inputs` (names and SHA-256), all JSON, and `planning_time_s`. `/map`, `/influence`, `/prediction` and `/psd` are
+    absent where only a schedule was made.
 
 A plan for several tools has another `format`. Each ``/tools/<n>``, counted from one in the order in which they run,
 holds all of the above but `format`; ``/map``, ``/prediction`` and ``/psd`` are those of all tools together.

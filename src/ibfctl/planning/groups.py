@@ -14,7 +14,7 @@ from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import AxisProgram, PvtProgram
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round
+from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round, Smoothing
 from ibfctl.planning.spectra import spectra
 from ibfctl.schedule.certificate import Certificate, Check
 from ibfctl.surface.influence import InfluenceFunction
@@ -24,6 +24,7 @@ _OPTIONS = TypeAdapter(PlanOptions)
 INPUTS = TypeAdapter(dict[str, InputFile])
 _CHECKS = TypeAdapter(tuple[Check, ...])
 ROUNDS = TypeAdapter(tuple[Round, ...])
+_SMOOTHING = TypeAdapter(Smoothing | None)
 _CURVE = TypeAdapter(tuple[CurvePoint, ...])
 _COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
@@ -36,6 +37,7 @@ def fill_plan(file: h5py.Group, plan: Plan) -> None:
     file.attrs["certificate"] = _CHECKS.dump_json(plan.certificate.checks).decode()
     file.attrs["rounds"] = ROUNDS.dump_json(plan.rounds).decode()
     file.attrs["trade_off"] = _CURVE.dump_json(plan.trade_off).decode()
+    file.attrs["smoothing"] = _SMOOTHING.dump_json(plan.smoothing).decode()
     file.attrs["inputs"] = json.dumps({role: asdict(item) for role, item in plan.inputs.items()})
     file.attrs["planning_time_s"] = plan.planning_time_s
     for letter, axis in plan.program.axes.items():
@@ -115,6 +117,7 @@ def plan_in(file: h5py.Group) -> Plan:
         INPUTS.validate_json(file.attrs["inputs"]),
         float(file.attrs["planning_time_s"]),
         _CURVE.validate_json(file.attrs.get("trade_off", "[]")),
+        _SMOOTHING.validate_json(file.attrs.get("smoothing", "null")),
     )
 
 

@@ -27,7 +27,9 @@ from ibfctl.planning.aperture import check_sizes, clear_aperture_mask
 from ibfctl.planning.bounds import step_bounds
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.paths import make_path
+from ibfctl.planning.rounding import Rounded, rounded
 from ibfctl.planning.target import Target
+from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.levelling import rms
 from ibfctl.surface.map import SurfaceMap
@@ -58,6 +60,8 @@ class PlanningJob:
         Shortest and longest time of each segment.
     corridor_mm
         How far the motion may leave a segment.
+    rounded
+        The path on the machine with rounded corners; None where they are sharp.
     """
 
     surface: SurfaceMap
@@ -70,6 +74,7 @@ class PlanningJob:
     path: ToolPath
     bounds: DwellBounds
     corridor_mm: float
+    rounded: Rounded | None = None
 
     @property
     def grid(self) -> Grid:
@@ -107,6 +112,12 @@ class PlanningJob:
             f"instead of {self.bounds.upper_s[worst]:.4g} s",
             "lower --v-min-mm-s, or take longer steps",
         )
+
+    def schedule(self, dwell_s: FloatArray) -> PvtSchedule:
+        """Schedule times (n,) of the segments, longer where the limits ask for it."""
+        if self.rounded is not None:
+            return self.rounded.schedule(dwell_s, self.machine)
+        return schedule(self.stage_path, dwell_s, self.machine, self.corridor_mm, stretch=True)
 
     def problem(self, operator: RemovalOperator, lower_s: FloatArray) -> DwellProblem:
         """Least-squares problem of an operator on the cells, with lower bounds (n,)."""
@@ -153,6 +164,11 @@ def prepare(
         path = make_path(surface, target, influence, options)
     stage_path = ToolPath(*options.placement(path.x_mm, path.y_mm))
     misfit, coarse = _misfits(surface, influence, target, options)
+    bounds, corridor_mm = step_bounds(stage_path, machine, options), corridor_of(options)
+    walked: Rounded | None = None
+    if options.corner_tolerance_mm is not None:
+        walked = rounded(stage_path, machine, options.corner_tolerance_mm, corridor_mm)
+        walked = walked.balanced(bounds.lower_s, machine)
     return PlanningJob(
         surface,
         influence,
@@ -162,8 +178,9 @@ def prepare(
         misfit,
         coarse,
         path,
-        step_bounds(stage_path, machine, options),
-        corridor_of(options),
+        bounds,
+        corridor_mm,
+        walked,
     )
 
 

@@ -16,15 +16,17 @@ from ibfctl.dwell.motion import executed_operator, executed_removal
 from ibfctl.dwell.solver import Cancelled, Descent, Regularisation
 from ibfctl.planning.job import PlanningJob
 from ibfctl.planning.plan import Round
-from ibfctl.schedule.scheduler import PvtSchedule, schedule
+from ibfctl.schedule.scheduler import PvtSchedule
 
 FloatArray = NDArray[np.float64]
 
 MAX_ROUNDS = 8
 ITERATIONS = 120
-LINE_SEARCH = (1.0, 0.5, 0.25)
+LINE_SEARCH = (1.0, 0.5, 0.25, 0.125)
 # A round that gains less than this share of the residual is the last.
 WORTHWHILE = 0.01
+# Where the motion as executed wants more time than there is, time gets so much dearer, so many times at most.
+DEARER, DEARER_TRIES = 1.3, 12
 # A round may not cost more time than this share.
 TIME_SLACK = 0.005
 
@@ -53,7 +55,7 @@ class Executed:
 
 def execute(job: PlanningJob, dwell_s: FloatArray) -> Executed:
     """Schedule dwell times (n,) and predict what the executed cubics leave."""
-    return executed(job, dwell_s, schedule(job.stage_path, dwell_s, job.machine, job.corridor_mm, stretch=True))
+    return executed(job, dwell_s, job.schedule(dwell_s))
 
 
 def executed(job: PlanningJob, dwell_s: FloatArray, scheduled: PvtSchedule) -> Executed:
@@ -63,7 +65,12 @@ def executed(job: PlanningJob, dwell_s: FloatArray, scheduled: PvtSchedule) -> E
 
 
 def refine(
-    job: PlanningJob, plain: Executed, price_nm2_s: float, regularisation: Regularisation, cancelled: Cancelled
+    job: PlanningJob,
+    plain: Executed,
+    price_nm2_s: float,
+    regularisation: Regularisation,
+    cancelled: Cancelled,
+    run_time_s: float | None = None,
 ) -> tuple[Executed, tuple[Round, ...]]:
     """Correct the times of a plain plan for its executed motion, until that no longer pays.
 
@@ -73,6 +80,8 @@ def refine(
         The plain chain's program.
     price_nm2_s
         Price on time at which the plain times were solved.
+    run_time_s
+        Time to keep; that of `plain` by default.
 
     Returns
     -------
@@ -81,12 +90,16 @@ def refine(
     """
     best = plain
     rounds = [_round(plain, accepted=True)]
-    longest_s = (1 + TIME_SLACK) * plain.scheduled.program.total_time_s
+    longest_s = (1 + TIME_SLACK) * (run_time_s or plain.scheduled.program.total_time_s)
     for _ in range(MAX_ROUNDS):
-        wanted_s = _corrected(job, best, price_nm2_s, regularisation, cancelled)
+        wanted_s = _corrected(job, best, price_nm2_s, longest_s, regularisation, cancelled)
         found = best
         for share in LINE_SEARCH:
-            tried = execute(job, best.asked_s + share * (wanted_s - best.asked_s))
+            asked_s = best.asked_s + share * (wanted_s - best.asked_s)
+            # No schedule is shorter than what is asked of it.
+            if asked_s.sum() > longest_s:
+                continue
+            tried = execute(job, asked_s)
             scheduled = tried.scheduled
             in_time = scheduled.program.total_time_s <= longest_s and job.keeps(scheduled.segment_time_s)
             if tried.rms_nm < found.rms_nm and in_time:
@@ -101,9 +114,14 @@ def refine(
 
 
 def _corrected(
-    job: PlanningJob, present: Executed, price_nm2_s: float, regularisation: Regularisation, cancelled: Cancelled
+    job: PlanningJob,
+    present: Executed,
+    price_nm2_s: float,
+    longest_s: float,
+    regularisation: Regularisation,
+    cancelled: Cancelled,
 ) -> FloatArray:
-    """Times (n,) that are best on the removal operator of the present program."""
+    """Times (n,) of at most `longest_s` together that are best on the removal operator of the present program."""
     scheduled = present.scheduled
     operator = executed_operator(
         scheduled.program,
@@ -120,6 +138,11 @@ def _corrected(
     problem = job.problem(operator, np.where(stretched, given_s, job.bounds.lower_s))
     descent = Descent(problem, regularisation, given_s, cancelled)
     descent.advance(price_nm2_s, ITERATIONS, 1e-6)
+    for _ in range(DEARER_TRIES):
+        if descent.time_s.sum() <= longest_s:
+            break
+        price_nm2_s *= DEARER
+        descent.advance(price_nm2_s, ITERATIONS, 1e-6)
     return descent.time_s
 
 

@@ -57,6 +57,8 @@ class PlanOptions:
         How the part stands on the machine: path and removal are in part coordinates, the program in the machine's.
     corridor_mm
         How far the executed path may leave its programmed segment; None for 5 % of the pitch.
+    corner_tolerance_mm
+        Round the corners so that the motion leaves the programmed path by no more than this; None for sharp corners.
     loop
         Whether dwell times are corrected for the motion that is really executed.
     aim
@@ -83,6 +85,7 @@ class PlanOptions:
     dwell_bounds: Bounds = "machine"
     placement: Placement = AS_MOUNTED
     corridor_mm: float | None = None
+    corner_tolerance_mm: float | None = None
     loop: bool = True
     aim: Aim = field(default_factory=Aim)
     tikhonov: float = 1e-8

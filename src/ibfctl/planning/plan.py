@@ -97,6 +97,31 @@ class Round:
 
 
 @dataclass(frozen=True)
+class Smoothing:
+    """A path with rounded corners beside the same dwell times with sharp ones.
+
+    Attributes
+    ----------
+    corner_tolerance_mm, deviation_mm
+        How far the motion may leave the programmed path, and a bound of how far it does.
+    corners
+        How many are rounded.
+    sharp_executed_rms_nm, sharp_total_time_s, sharp_peak_acceleration_mm_s2
+        Of the sharp path, planned in the same way; the last by axis letter.
+    lowers
+        What rounding lowers in the same time: "residual", "acceleration" (of both axes), both or nothing.
+    """
+
+    corner_tolerance_mm: float
+    deviation_mm: float
+    corners: int
+    sharp_executed_rms_nm: float
+    sharp_total_time_s: float
+    sharp_peak_acceleration_mm_s2: Mapping[str, float]
+    lowers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class CurvePoint:
     """A point on the curve of residual against time, before scheduling.
 
@@ -131,6 +156,8 @@ class Plan:
         What each round of motion in the loop reached, the plain chain first; empty without the loop.
     trade_off
         The curve of residual against time, by rising time; empty where it was not asked for.
+    smoothing
+        What rounding the corners did; None where they are sharp.
     inputs
         Name and hash of every input, by role ("map", "influence", "machine", ...).
     planning_time_s
@@ -150,6 +177,7 @@ class Plan:
     inputs: Mapping[str, InputFile] = field(default_factory=dict)
     planning_time_s: float = 0.0
     trade_off: tuple[CurvePoint, ...] = ()
+    smoothing: Smoothing | None = None
 
     def summary(self) -> dict[str, object]:
         """Return the JSON form that `ibfctl plan --json` prints; `schedule` has no residuals."""
@@ -160,6 +188,8 @@ class Plan:
             figures["placement"] = asdict(self.options.placement)
         if self.trade_off:
             figures["trade_off"] = [asdict(point) for point in self.trade_off]
+        if self.smoothing is not None:
+            figures["smoothing"] = asdict(self.smoothing)
         return figures | {
             "total_time_s": self.program.total_time_s,
             "nodes": int(self.path.x_mm.size),

@@ -18,10 +18,11 @@ from ibfctl.dwell.trade_off import aim_at
 from ibfctl.errors import CancelledError, InputError, LimitsError
 from ibfctl.machine.description import MachineDescription
 from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.corners import compared, gentlest, sharp_job
 from ibfctl.planning.job import PlanningJob, corridor_of, prepare
-from ibfctl.planning.loop import execute, executed, refine
+from ibfctl.planning.loop import Executed, execute, executed, refine
 from ibfctl.planning.options import PlanOptions
-from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round
+from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round, Smoothing
 from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
@@ -96,14 +97,29 @@ def make_plan(
         stage("walking the curve of residual against time", 0.6)
         chosen, trade_off = _walked(job, ideal, solved, regularisation, stop)
     stage("scheduling", 0.6)
-    best = execute(job, chosen.time_s)
-    if planned is not None:
-        best = min(best, executed(job, planned.segment_time_s, planned), key=lambda found: found.rms_nm)
-    job.check_times(best.scheduled.segment_time_s)
-    rounds: tuple[Round, ...] = ()
-    if options.loop:
+
+    def corrected(
+        job: PlanningJob, plain: Executed, run_time_s: float | None = None
+    ) -> tuple[Executed, tuple[Round, ...]]:
+        job.check_times(plain.scheduled.segment_time_s)
+        if not options.loop:
+            return plain, ()
         stage("correcting for the executed motion", 0.7)
-        best, rounds = refine(job, best, chosen.price_nm2_s, regularisation, stop)
+        return refine(job, plain, chosen.price_nm2_s, regularisation, stop, run_time_s)
+
+    smoothing: Smoothing | None = None
+    if job.rounded is None:
+        plain = execute(job, chosen.time_s)
+        if planned is not None:
+            plain = min(plain, executed(job, planned.segment_time_s, planned), key=lambda found: found.rms_nm)
+        best, rounds = corrected(job, plain)
+    else:
+        sharp = sharp_job(job)
+        plain = execute(sharp, chosen.time_s)
+        reference, _ = corrected(sharp, plain)
+        gentle = gentlest(job, plain, chosen.time_s, stop)
+        best, rounds = corrected(*gentle, reference.scheduled.program.total_time_s)
+        smoothing = compared(job, reference, best)
     report("planned", 1.0)
     return Plan(
         machine,
@@ -125,6 +141,7 @@ def make_plan(
         dict(inputs or {}),
         time.perf_counter() - begin,
         trade_off,
+        smoothing,
     )
 
 

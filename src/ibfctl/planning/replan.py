@@ -112,7 +112,8 @@ def replan(
     surface = replace(plan.surface, height_nm=plan.surface.height_nm - removal_nm)
     path, planned = restart(plan, seam, corridor_of(plan.options))
     aim = _aim(plan, seam, path)
-    options = replace(plan.options, path="nodes", l_curve=False, trade_off=False, aim=aim)
+    # Corners that were rounded stay so: their blocks are in the path that is left.
+    options = replace(plan.options, path="nodes", l_curve=False, trade_off=False, aim=aim, corner_tolerance_mm=None)
     make = partial(
         make_plan,
         surface,

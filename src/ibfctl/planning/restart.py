@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from ibfctl.errors import InputError
 from ibfctl.machine.program import AxisProgram, IntArray, PvtProgram
 from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.job import corridor_of
 from ibfctl.planning.plan import Plan
+from ibfctl.planning.rounding import rounded
 from ibfctl.schedule.certificate import axis_cubics, certify
 from ibfctl.schedule.hermite import Cubics
 from ibfctl.schedule.scheduler import PvtSchedule
@@ -87,7 +89,7 @@ def restart(plan: Plan, seam: float, corridor_mm: float) -> tuple[ToolPath, PvtS
         limits = plan.machine.axes[letter]  # type: ignore[index]
         fastest_s = max(fastest_s, float(abs(velocity[0])) / limits.counts_per_mm / limits.a_max_mm_s2)
     half = max(_LENGTHENING * fastest_s / plan.program.sample_period_s / 2, _PIECES * _SHORTEST_SAMPLES / 2)
-    stage_path = ToolPath(*plan.options.placement(plan.path.x_mm, plan.path.y_mm))
+    stage_path = walked_path(plan)
     nodes = node_samples(plan.program, stage_path)
     for _ in range(_TRIES):
         joined = 2 * int(np.ceil((seam + half) / 2))
@@ -111,6 +113,15 @@ def restart(plan: Plan, seam: float, corridor_mm: float) -> tuple[ToolPath, PvtS
     )
     path = ToolPath(np.append(x_mm, stage_path.x_mm[ahead:]), np.append(y_mm, stage_path.y_mm[ahead:]))
     return _on_part(path, plan), None
+
+
+def walked_path(plan: Plan) -> ToolPath:
+    """Return the path on the machine whose nodes a plan's program passes: through rounded corners, where they are."""
+    path = ToolPath(*plan.options.placement(plan.path.x_mm, plan.path.y_mm))
+    tolerance_mm = plan.options.corner_tolerance_mm
+    if tolerance_mm is None:
+        return path
+    return rounded(path, plan.machine, tolerance_mm, corridor_of(plan.options)).smoothed.pieces
 
 
 def _on_part(path: ToolPath, plan: Plan) -> ToolPath:

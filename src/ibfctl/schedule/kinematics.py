@@ -84,7 +84,8 @@ def time_corners(corners: SmoothedCorners, drive: Drive, feed_mm_s: float) -> Co
     node[rounded] = limits[0]
     entry, leaving = _braked(node, lines)
     limits = np.minimum(limits, leaving[rounded])
-    block_s, exit_mm_s = np.zeros(node.size), np.zeros(node.size)
+    # At first as if every block were left as fast as it is entered.
+    block_s, exit_mm_s = np.zeros(node.size), entry.copy()
     previous = np.full(node.size, -1.0)
     while True:
         possible = np.minimum(entry, lines[:-1].reach(np.concatenate([[0.0], exit_mm_s[:-1]])))

@@ -24,7 +24,10 @@ BLOCK_LIMITS = ("speed", "tangential acceleration", "radial acceleration", "tang
 _PLACES = 17
 # Part of a limit that is rounding.
 _SLACK = 1e-9
-# A block too short for the sampling is crossed at no less than this share of its entry speed.
+# A block that is short, or slow, for the sampling is stepped more finely: in at least so many parts of its tangent's
+# length, and so that the jerk changes the speed by no more than such a share in a step.
+_PARTS, _CHANGE = 8, 0.1
+# Share of its entry speed below which no block is crossed.
 _LEAST = 0.5
 # Blocks that are stepped together: their arrays stay in the processor's cache.
 _TOGETHER = 8192
@@ -186,9 +189,10 @@ def traverse(
 
 def _steps(blocks: Blocks, entry_mm_s: FloatArray, limits_mm_s: FloatArray) -> Iterator[Step]:
     """Yield the samples of blocks until all have ended."""
-    drive, sample_s = blocks.drive, blocks.drive.sample_s
+    drive, here = blocks.drive, blocks.at(0.0)
     active, limits, least = np.arange(entry_mm_s.size), limits_mm_s, _LEAST * entry_mm_s
-    here = blocks.at(0.0)
+    sample_s = np.minimum(drive.sample_s, here.sigma / entry_mm_s / _PARTS)
+    sample_s = np.minimum(sample_s, np.sqrt(2 * _CHANGE * entry_mm_s / here.along(drive.tangential_mm_s3)))
     u, speed, push = np.zeros(active.size), entry_mm_s, np.zeros(active.size)
     while active.size:
         # Parametric velocity, acceleration and jerk (Eq. 23 solved for them), the last without a jerk along the path.
@@ -220,10 +224,11 @@ def _steps(blocks: Blocks, entry_mm_s: FloatArray, limits_mm_s: FloatArray) -> I
         left = np.flatnonzero(new_u < 1)
         active, u, speed, push = active[left], new_u[left], new_speed[left], new_push[left]
         blocks, limits, least, here = blocks[left], limits[:, left], least[left], place[left]
+        sample_s = sample_s[left]
 
 
 def _moved(
-    place: Place, first: FloatArray, second: FloatArray, third: FloatArray, sample_s: float
+    place: Place, first: FloatArray, second: FloatArray, third: FloatArray, sample_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Speed and acceleration along the path at `place` after a sample of constant parametric jerk (Eqs. 16, 23)."""
     velocity = first + sample_s * (second + 0.5 * sample_s * third)

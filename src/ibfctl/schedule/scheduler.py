@@ -95,15 +95,15 @@ def schedule(
     """
     _check_times(dwell_s, path, machine.sample_period_s)
     if jerk_max_mm_s3 is not None:
-        machine = _with_jerk_limit(machine, jerk_max_mm_s3)
+        machine = with_jerk_limit(machine, jerk_max_mm_s3)
     asked = needed = even_samples(dwell_s, machine.sample_period_s)
     at_rest = np.zeros(path.segments, dtype=bool)
     known: Known | None = None
     for share in _SHARES:
-        counted = _counted(path, needed, machine, at_rest)
+        counted = counted_path(path, needed, machine, at_rest)
         needed = _per_segment(counted, counted.time_samples, path)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
-        tasks = _tasks(counted, machine, at_rest)
+        tasks = axis_tasks(counted, machine, at_rest)
         solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=share >= 1, known=known)
         if not solution.excess.any():
             break
@@ -138,8 +138,8 @@ def shortest_times(path: ToolPath, machine: MachineDescription) -> FloatArray:
     Whole numbers of sample pairs, in seconds: rounding the running sum of longer times never falls below them.
     """
     free = np.zeros(path.segments, dtype=bool)
-    counted = _counted(path, np.zeros(path.segments, dtype=np.int64), machine, free)
-    tasks = _tasks(counted, machine, free)
+    counted = counted_path(path, np.zeros(path.segments, dtype=np.int64), machine, free)
+    tasks = axis_tasks(counted, machine, free)
     sufficient = sufficient_samples(tasks, counted.time_samples, machine.sample_period_s)
     return seconds(_per_segment(counted, sufficient, path), machine.sample_period_s)
 
@@ -162,7 +162,9 @@ def _shortest_samples(tasks: Tasks, sample_period_s: float) -> IntArray:
     return 2 * np.maximum(np.ceil(0.5 * shortest_s / sample_period_s * (1 + 1e-9)), 1).astype(np.int64)
 
 
-def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription, at_rest: NDArray[np.bool_]) -> CountedPath:
+def counted_path(
+    path: ToolPath, samples: IntArray, machine: MachineDescription, at_rest: NDArray[np.bool_]
+) -> CountedPath:
     """Count a path whose segments take `samples` (n,), or the shortest time of each piece where that is longer.
 
     Raises
@@ -172,7 +174,7 @@ def _counted(path: ToolPath, samples: IntArray, machine: MachineDescription, at_
     """
     for _ in range(_COUNTING_ROUNDS):
         counted = count_path(path, samples, machine)
-        shortest = _shortest_samples(_tasks(counted, machine, at_rest), machine.sample_period_s)
+        shortest = _shortest_samples(axis_tasks(counted, machine, at_rest), machine.sample_period_s)
         enough = np.maximum(counted.time_samples, shortest)
         if enough.max() <= MAX_SEGMENT_SAMPLES:
             return replace(counted, time_samples=enough)
@@ -201,7 +203,7 @@ def _longer(tasks: Tasks, samples: IntArray, segments: IntArray, sample_period_s
     return longer
 
 
-def _tasks(counted: CountedPath, machine: MachineDescription, at_rest: NDArray[np.bool_]) -> Tasks:
+def axis_tasks(counted: CountedPath, machine: MachineDescription, at_rest: NDArray[np.bool_]) -> Tasks:
     """What the axes have to do; they rest at the nodes of the path's segments `at_rest` (n,)."""
     resting = at_rest[counted.source_segment]
     moving = np.ones(resting.size + 1, dtype=bool)
@@ -240,7 +242,7 @@ def _program(
     return PvtProgram(dict(sorted(axes.items())), coordinates, counted.time_samples, machine.sample_period_s)
 
 
-def _with_jerk_limit(machine: MachineDescription, jerk_max_mm_s3: float) -> MachineDescription:
+def with_jerk_limit(machine: MachineDescription, jerk_max_mm_s3: float) -> MachineDescription:
     """Return the machine with no axis' jerk above the limit."""
     if not (np.isfinite(jerk_max_mm_s3) and jerk_max_mm_s3 > 0):
         raise InputError(f"schedule: limit of the jerk is {jerk_max_mm_s3:g} mm/s³", "give a positive number")

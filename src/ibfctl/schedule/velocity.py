@@ -86,8 +86,8 @@ def solve_velocities(
         their velocities.
     """
     velocities = (
-        tasks[0].rounded(_spline_velocities(tasks[0], time_s)),
-        tasks[1].rounded(_spline_velocities(tasks[1], time_s)),
+        tasks[0].rounded(spline_velocities(tasks[0], time_s)),
+        tasks[1].rounded(spline_velocities(tasks[1], time_s)),
     )
     if known is not None and known.time_s.size == time_s.size:
         kept = np.ones(time_s.size + 1, dtype=bool)
@@ -131,7 +131,7 @@ def _nodes_around(broken: NDArray[np.bool_], reach: int, stretch: NDArray[np.int
     return nodes
 
 
-def _spline_velocities(task: AxisTask, time_s: FloatArray) -> FloatArray:
+def spline_velocities(task: AxisTask, time_s: FloatArray) -> FloatArray:
     """Velocities (n + 1,) of least squared acceleration jumps without limits, at rest at the nodes that must be."""
     free = task.free
     if not free.any():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -144,6 +144,7 @@ def test_walking_back_takes_as_long() -> None:
 
 
 @settings(deadline=None, max_examples=25)
+@example(0, 0.003, 1.0)  # blocks shorter than a sample
 @given(st.integers(0, 10_000), st.floats(0.002, 2.0), st.sampled_from([0.125, 1.0]))
 def test_any_path_ends_and_keeps_its_limits(seed: int, rho_mm: float, sampling_factor: float) -> None:
     random = np.random.default_rng(seed)

@@ -71,6 +71,9 @@ class PlanRequest(BaseModel):
         Field(description="Shortest times of the machine, or also the bounds of linear ramps."),
     ] = "machine"
     corridor_mm: Positive | None = None
+    corner_tolerance_mm: Annotated[
+        Positive | None, Field(description="Round corners, leaving the programmed path by no more.")
+    ] = None
     loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
     margin: Annotated[
         float | None, Field(ge=0, le=10, description="Share of the residual given for time; default: 0.01.")

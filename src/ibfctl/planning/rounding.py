@@ -1,0 +1,85 @@
+"""Rounded corners of a planned path: the pieces that are walked, and how gently."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ibfctl.errors import InputError
+from ibfctl.machine.description import MachineDescription
+from ibfctl.path.smoothing_pieces import SmoothedPath, smoothed_path
+from ibfctl.path.tool_path import ToolPath
+from ibfctl.schedule.scheduler import PvtSchedule
+from ibfctl.schedule.smoothed import balanced, schedule_smoothed
+
+# Part of the corner tolerance that is left to the motion around the chords of the pieces: blocks of any angle, walked
+# as they are, leave the chords of their halves by less.
+_CORRIDOR_SHARE = 0.3
+# Counts that a corner tolerance must be worth at the least.
+_LEAST_COUNTS = 10
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A path whose corners are rounded for the machine.
+
+    Attributes
+    ----------
+    smoothed
+        The path in pieces.
+    corridor_mm
+        How far the motion may leave the chord of a piece.
+    a_max_mm_s2
+        Accelerations to stay below, by axis letter; None for the machine's limits alone.
+    """
+
+    smoothed: SmoothedPath
+    corridor_mm: float
+    a_max_mm_s2: Mapping[str, float] | None = None
+
+    def balanced(self, dwell_s: NDArray[np.float64], machine: MachineDescription) -> Rounded:
+        """Share the times of the segments, about (n,) as given, among their pieces for low accelerations."""
+        return replace(self, smoothed=balanced(self.smoothed, dwell_s, machine))
+
+    def schedule(
+        self, dwell_s: NDArray[np.float64], machine: MachineDescription, jerk_max_mm_s3: float | None = None
+    ) -> PvtSchedule:
+        """Schedule times (n,) of the programmed segments."""
+        return schedule_smoothed(
+            self.smoothed,
+            dwell_s,
+            machine,
+            self.corridor_mm,
+            a_max_mm_s2=self.a_max_mm_s2,
+            jerk_max_mm_s3=jerk_max_mm_s3,
+        )
+
+
+def rounded(path: ToolPath, machine: MachineDescription, tolerance_mm: float, corridor_mm: float) -> Rounded:
+    """Round the corners of a path for a machine.
+
+    Parameters
+    ----------
+    tolerance_mm
+        Largest distance of the motion from the programmed path.
+    corridor_mm
+        As chosen for the path; narrowed to what the tolerance leaves.
+
+    Raises
+    ------
+    InputError
+        If the tolerance is no length, or is finer than the machine's counts resolve.
+    """
+    count_mm = math.hypot(*(1 / axis.counts_per_mm for axis in machine.axes.values()))
+    if not (math.isfinite(tolerance_mm) and tolerance_mm >= _LEAST_COUNTS * count_mm):
+        raise InputError(
+            f"corner tolerance is {tolerance_mm:g} mm; this machine's counts resolve {_LEAST_COUNTS * count_mm:.2g} mm",
+            "correct --corner-tolerance-mm",
+        )
+    # A node lies within half a count of where it should, on both axes.
+    corridor_mm = min(corridor_mm, _CORRIDOR_SHARE * (tolerance_mm - 0.5 * count_mm))
+    return Rounded(smoothed_path(path, tolerance_mm, corridor_mm, 0.5 * count_mm), corridor_mm)
