@@ -15,6 +15,7 @@ from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.planner import make_plan, schedule_nodes
 from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX
+from ibfctl.surface.readers.long_tail import LONG_TAIL_PREFIX
 from ibfctl.surface.regions import MaskFile
 
 Report = Callable[[str, float], None]
@@ -73,8 +74,9 @@ def hashed(spec: str | Path) -> InputFile:
     """Return an input's name and SHA-256: of the file's bytes, or of the text of a formula."""
     if str(spec).startswith(GAUSSIAN_PREFIX):
         return InputFile(str(spec), hashlib.sha256(str(spec).encode()).hexdigest())
+    path = Path(str(spec).removeprefix(LONG_TAIL_PREFIX))
     try:
-        with Path(spec).open("rb") as stream:
-            return InputFile(Path(spec).name, hashlib.file_digest(stream, "sha256").hexdigest())
+        with path.open("rb") as stream:
+            return InputFile(path.name, hashlib.file_digest(stream, "sha256").hexdigest())
     except OSError as error:
         raise InputError(f"{spec}: cannot be read ({error.strerror})", "check the path") from error

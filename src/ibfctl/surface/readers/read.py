@@ -13,6 +13,7 @@ from ibfctl.errors import InputError
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
 from ibfctl.surface.readers.formula import GAUSSIAN_PREFIX, read_gaussian
+from ibfctl.surface.readers.long_tail import LONG_TAIL_PREFIX
 from ibfctl.surface.readers.quantity import HEIGHT, RATE, Quantity
 from ibfctl.surface.readers.table import Table
 
@@ -32,6 +33,7 @@ _READERS = {
     ".hdf5": ("hdf5_apart", "read_apart"),
     ".datx": ("hdf5_apart", "read_apart"),
 }
+_LONG_TAIL = ("long_tail", "read_long_tail")
 _WITH_ARRAYS = (".mat", ".h5", ".hdf5", ".datx")
 MAP_SUFFIXES = tuple(_READERS)
 
@@ -48,7 +50,7 @@ def read_map(
     Parameters
     ----------
     spec
-        A file of a kind in docs/file-formats.md, told by its suffix.
+        A file of a kind in docs/file-formats.md, told by its suffix, or `surfacetopography:` and any file.
     pixel_mm, height_unit
         What the file does not say; given although the file says it, they must agree.
     array
@@ -59,8 +61,7 @@ def read_map(
     InputError
         If the file cannot be read, lacks a unit, mixes units, or holds no map.
     """
-    path = Path(spec)
-    table = _read(path, HEIGHT, pixel_mm, height_unit, array)
+    path, table = _read(str(spec), HEIGHT, pixel_mm, height_unit, array)
     if table.x0_mm is None or table.y0_mm is None:
         with _named(path):
             return SurfaceMap.centred(table.values, table.pixel_mm)
@@ -90,8 +91,7 @@ def read_influence(
     """
     if str(spec).startswith(GAUSSIAN_PREFIX):
         return read_gaussian(str(spec), pixel_mm)
-    path = Path(spec)
-    table = _read(path, RATE, pixel_mm, rate_unit, array)
+    path, table = _read(str(spec), RATE, pixel_mm, rate_unit, array)
     if table.x0_mm is not None and table.y0_mm is not None:
         ny, nx = table.values.shape
         off_x = table.x0_mm / table.pixel_mm + 0.5 * (nx - 1)
@@ -106,14 +106,17 @@ def read_influence(
         return InfluenceFunction(table.values, table.pixel_mm)
 
 
-def _read(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | None, array: str | None) -> Table:
-    suffix = path.suffix.lower()
-    if suffix not in MAP_SUFFIXES:
+def _read(
+    spec: str, quantity: Quantity, pixel_mm: float | None, unit: str | None, array: str | None
+) -> tuple[Path, Table]:
+    path = Path(spec.removeprefix(LONG_TAIL_PREFIX))
+    reader = _LONG_TAIL if spec.startswith(LONG_TAIL_PREFIX) else _READERS.get(path.suffix.lower())
+    if reader is None:
         raise InputError(
-            f"{quantity.what} {path}: unknown kind of file {suffix or 'without suffix'!r}",
-            f"give one of {', '.join(MAP_SUFFIXES)}",
+            f"{quantity.what} {path}: unknown kind of file {path.suffix or 'without suffix'!r}",
+            f"give one of {', '.join(MAP_SUFFIXES)}, or {LONG_TAIL_PREFIX}FILE",
         )
-    if array is not None and suffix not in _WITH_ARRAYS:
+    if array is not None and path.suffix.lower() not in _WITH_ARRAYS:
         raise InputError(
             f"{quantity.what} {path}: only {', '.join(_WITH_ARRAYS)} files hold arrays to choose from",
             "leave the option out",
@@ -123,13 +126,13 @@ def _read(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | No
             pass
     except OSError as error:
         raise InputError(f"{quantity.what} {path}: cannot be read ({error.strerror})", "check the path") from error
-    module, function = _READERS[suffix]
+    module, function = reader
     read = getattr(importlib.import_module(f"ibfctl.surface.readers.{module}"), function)
-    chosen = {"array": array} if suffix in _WITH_ARRAYS else {}
+    chosen = {"array": array} if array is not None else {}
     with np.errstate(all="ignore"):  # what overflows is infinite, and refused as such
         table: Table = read(path, quantity, pixel_mm, unit, **chosen)
         _refuse_implausible(table, quantity, path)
-    return table
+    return path, table
 
 
 def _refuse_implausible(table: Table, quantity: Quantity, path: Path) -> None:

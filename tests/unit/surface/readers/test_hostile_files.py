@@ -97,7 +97,7 @@ def test_a_damaged_hdf5_file_is_read_or_refused_in_one_line(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", APART)
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(damage=damages())
 def test_many_damaged_hdf5_files(tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]) -> None:
     _read_damaged(tmp_path / f"m{suffix}", APART[suffix], damage)
