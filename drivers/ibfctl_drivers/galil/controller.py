@@ -207,7 +207,8 @@ class GalilController:
         except LinkError:
             self._gate.close()
             raise
-        if not open_at and not self._gate.is_open():
+        # A very short motion may be over, and its gate closed again, by now.
+        if not open_at and not self._gate.is_open() and self.stamps().closed is None:
             raise ControllerError("the beam gate did not open", "check its output and wiring")
 
     def set_close_at(self, segment: int) -> None:
@@ -234,6 +235,7 @@ class GalilController:
             stop_codes=dict(zip(letters, codes, strict=False)),
             position_counts=dict(zip(letters, codes[len(letters) :], strict=False)),
             guard_runs=values[-3] >= 0,
+            guard_reason="" if values[-3] >= 0 else self._guard.reason(),
             time_samples=values[-2],
             gate_open=self._gate.means_open(values[-1]),
         )

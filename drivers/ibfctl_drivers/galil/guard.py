@@ -56,6 +56,8 @@ def guard_lines(letters: Sequence[str], gate: GateOutput) -> list[str]:
         f"JP {NAME}",
         "#IBFSTP",
         *shut,
+        "gold=(TIME-gbeat)>gpat",
+        f"gdry=(_PV{first}>glow)&(gend=0)",
         f"ST {''.join(letters)}",
         "EN",
         *(line for label in ("#LIMSWI", "#POSERR", "#TCPERR") for line in (label, *shut, "gtrip=1", "RE")),
@@ -127,7 +129,7 @@ class Guard:
         self._link.tell(f"gpat={round(patience_s * SAMPLES_PER_S)}")
         wait = max(round(patience_s * 1000 / LOOPS_IN_PATIENCE), 2)
         self._low_water_samples = LOW_WATER_LOOPS * wait
-        for assignment in (f"gwait={wait}", "gtrip=0", "gend=0", f"glow={PLACES}"):
+        for assignment in (f"gwait={wait}", "gtrip=0", "gend=0", f"glow={PLACES}", "gold=0", "gdry=0"):
             self._link.tell(assignment)
         self.beat_now()
         self._link.tell(f"XQ {NAME},0")
@@ -138,6 +140,16 @@ class Guard:
         """Halt the program; without it nobody closes the gate but the host."""
         self._halt()
         self._next_beat = float("inf")
+
+    def reason(self) -> str:
+        """Say why the guard has stopped the axes."""
+        question = message_of(["gdry", "gold", "gtrip"])
+        dry, old, trip = parse_integers(self._link.ask(question), 3, question)
+        if dry:
+            return "the buffer was about to run empty"
+        if old:
+            return "the host was silent for too long"
+        return "a limit, a position error or a lost handle" if trip else "an axis stopped, or the guard was halted"
 
     def low_water_samples(self) -> int:
         """Least motion that must wait in the buffer, until the end marker does."""

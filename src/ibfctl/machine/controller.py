@@ -52,8 +52,8 @@ class BufferStatus:
     free_places, executed_segments, stop_codes
         Per axis letter: free places of the segment buffer, segments executed since begin (the end marker
         counts as one), and the stop code as in `AxisStatus`.
-    guard_runs
-        Whether the guard on the controller watches; it ends once it has had to act.
+    guard_runs, guard_reason
+        Whether the guard on the controller watches; it ends once it has had to act, and why that was.
     time_samples, position_counts
         The controller's sample counter, and the encoder position per axis letter, of nearly the same moment.
     gate_open
@@ -64,6 +64,7 @@ class BufferStatus:
     executed_segments: Mapping[str, int]
     stop_codes: Mapping[str, int]
     guard_runs: bool
+    guard_reason: str
     time_samples: int
     position_counts: Mapping[str, int]
     gate_open: bool

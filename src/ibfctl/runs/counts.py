@@ -53,8 +53,9 @@ class CountCheck:
             codes = ", ".join(f"{letter} {code}" for letter, code in status.stop_codes.items())
             telling = [HINTS[code] for code in status.stop_codes.values() if code in HINTS and code != STOPPED]
             raise RunError(
-                f"the guard on the controller closed the gate and stopped the axes (stop codes {codes})",
-                telling[0] if telling else "the host was silent for too long, a handle was lost, or an axis stopped",
+                f"the guard on the controller closed the gate and stopped the axes: {status.guard_reason} "
+                f"(stop codes {codes})",
+                telling[0] if telling else "ease the host's load or its network, and see who else is connected",
             )
         self._check_stop_codes(status, end_sent)
         self._check_lag(status)

@@ -102,8 +102,10 @@ def test_a_host_that_stalls_closes_the_gate_before_the_buffer_is_empty(trace_fil
 
     with emulated_controller(trace_file, speed=SPEED) as emulated:
         bench = emulated.in_place_of(machine())
-        with connected(bench) as controller, pytest.raises(RunError, match="about to run empty"):
-            execute(job, bench, controller, time_scale=SPEED, on_progress=stall)
+        with connected(bench) as controller:
+            with pytest.raises(RunError, match="the buffer was about to run empty"):
+                execute(job, bench, controller, time_scale=SPEED, on_progress=stall)
+            assert {axis.stop_code for axis in controller.status().values()} == {4}, "stopped, not run empty"
     trace = read_emulator_trace(trace_file, bench)
     exposed = np.flatnonzero(trace.gate_open)
     closed, dry = exposed[-1], trace.sample.size - 1

@@ -143,3 +143,47 @@ def test_a_description_cannot_be_changed_afterwards() -> None:
     axis = parse_machine(GOOD, "bench.toml").axis_of("x")
     with pytest.raises(ValueError, match="frozen"):
         axis.v_max_mm_s = 1e9  # type: ignore[misc]
+
+
+INTERLOCK = """
+[[interlocks]]
+name = "beam current"
+source = "analog 2"
+min = 4.5
+max = 5.5
+"""
+
+
+def test_interlocks_name_their_inputs() -> None:
+    machine = parse_machine(f'{GOOD}{INTERLOCK}[[interlocks]]\nname = "x"\nsource = "pushed"\nmin = 0\nmax = 0\n', "m")
+    current, pushed = machine.interlocks
+    assert (current.kind, current.number, current.settle_s) == ("analog", 2, None)
+    assert (pushed.kind, pushed.number) == ("pushed", 0)
+    assert type(machine).model_validate_json(machine.model_dump_json()) == machine
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "place"),
+    [
+        ("analog 2", "analog 9", "interlocks.0.source"),
+        ("analog 2", "digital 81", "interlocks.0.source"),
+        ("analog 2", "analogue", "interlocks.0.source"),
+        ("min = 4.5", "min = 6.0", "interlocks.0"),
+        ('name = "beam current"', 'name = ""', "interlocks.0.name"),
+    ],
+)
+def test_an_interlock_that_cannot_be_is_refused(there: str, instead: str, place: str) -> None:
+    with pytest.raises(InputError, match=re.escape(place)):
+        parse_machine(GOOD + INTERLOCK.replace(there, instead), "bench.toml")
+
+
+def test_interlocks_of_one_name_are_refused() -> None:
+    with pytest.raises(InputError, match="different names"):
+        parse_machine(GOOD + 2 * INTERLOCK, "bench.toml")
+
+
+def test_a_machine_must_be_homed_unless_its_encoders_know() -> None:
+    assert parse_machine(GOOD, "bench.toml").homing.method == "switch"
+    assert read_machine(shipped_machine("simulator")).homing.method == "absolute"
+    with pytest.raises(InputError, match=r"homing\.method"):
+        parse_machine(f'{GOOD}[homing]\nmethod = "by eye"\n', "bench.toml")

@@ -13,7 +13,9 @@ def poll(a: int, b: int, sent: int, code: int = RUNNING, *, active: int = 1, gua
     executed = {"A": a, "B": b}
     free = {letter: 255 - (sent - count - active) for letter, count in executed.items()}
     codes, positions = {"A": code, "B": code}, {"A": 0, "B": 0}
-    return BufferStatus(free, executed, codes, guard_runs, time_samples=0, position_counts=positions, gate_open=True)
+    return BufferStatus(
+        free, executed, codes, guard_runs, "", time_samples=0, position_counts=positions, gate_open=True
+    )
 
 
 def test_counts_that_agree_pass() -> None:

@@ -62,3 +62,23 @@ def test_lag_is_what_the_counts_cannot_explain(ledger: SegmentLedger) -> None:
     assert ledger.behind_s(100.4) < 0
     ledger.count(0, asked_at=103.0, answered_at=103.0)
     assert ledger.behind_s(103.0) == pytest.approx(3.0 - 0.5)
+
+
+def test_no_more_is_sent_than_is_wanted_ahead(ledger: SegmentLedger) -> None:
+    assert ledger.within(0.0, 0) == 0
+    assert ledger.within(3.0, 0) == 2
+    assert ledger.within(3.4, 0) == 2
+    assert ledger.within(100.0, 0) == 5
+    assert ledger.within(0.5, 4) == 4, "a buffer of long segments still holds a few"
+    ledger.count(3, asked_at=101.8, answered_at=101.8)
+    assert ledger.within(0.5, 0) == 4
+
+
+def test_a_program_may_change_behind_what_was_sent(ledger: SegmentLedger) -> None:
+    ledger.count(2, asked_at=101.0, answered_at=101.0)
+    ledger.replace(replace(program(4), time_samples=np.array([1024, 2048, 512, 2048])))
+    assert ledger.dry_at == pytest.approx(101.0)
+    ledger.add(1, now=101.0)
+    assert ledger.dry_at == pytest.approx(101.0 + 2.0 / 2)
+    ledger.count(2, asked_at=101.1, answered_at=101.1)
+    assert ledger.latest_end_at == pytest.approx(101.1 + 2.5 / 2)

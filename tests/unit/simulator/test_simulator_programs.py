@@ -370,3 +370,30 @@ def test_re_leaves_the_subroutines_that_the_interrupt_called(console):
     console.controller.lost("A")
     console.controller.advance(5)
     assert (console.number("x"), console.number("_XQ0")) == (1, 0)
+
+
+# A statement that jumps to itself while a count has not been reached
+
+
+def test_a_thread_that_spins_on_a_count_goes_on_in_the_sample_of_the_count(console):
+    lines = ["#A", "JP #A,_BTA<n", "SB 1;at=TIME", "#B", "JP #B,_BTA>=1", "again=TIME", "EN"]
+    console.controller.engine.load(Program(lines))
+    console.good("n=2", "PVA=10,0,30", "PVA=10,0,30", "PVA=10,0,30", "PVA=0,0,0", "BT A", "XQ #A,1")
+    begun = console.number("TIME")
+    console.controller.advance(200)
+    assert (console.number("at") - begun, console.state.output(1)) == (60, 1)
+    assert console.number("_XQ1") == 4
+    console.good("PVA=10,0,30", "PVA=0,0,0", "BT A")
+    again = console.number("TIME")
+    console.controller.advance(5)
+    assert console.number("again") == again
+
+
+def test_a_count_that_is_changed_by_hand_ends_the_spin(console):
+    console.controller.engine.load(Program(["#A", "JP #A,_BTA<n", "SB 1", "EN"]))
+    console.good("n=9", "PVA=10,0,30", "PVA=10,0,30", "PVA=0,0,0", "BT A", "XQ #A,1")
+    console.controller.advance(40)
+    assert console.state.output(1) == 0
+    console.good("n=1")
+    console.controller.advance(1)
+    assert console.state.output(1) == 1
