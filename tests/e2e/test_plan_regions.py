@@ -44,4 +44,5 @@ def test_only_the_region_counts_and_only_its_surroundings_are_visited(
         np.hypot(X[inside] - x, Y[inside] - y).min() for x, y in zip(plan.path.x_mm, plan.path.y_mm, strict=True)
     ]
     assert max(nearest_mm) < 2 + 2.5  # the tool's radius, and at most a cell of the maze or a turn of the raster
-    assert all(picture.stat().st_size for picture in draw_plan(plan, small_job.folder))
+    if path == "raster":
+        assert all(picture.stat().st_size for picture in draw_plan(plan, small_job.folder))

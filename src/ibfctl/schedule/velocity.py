@@ -11,7 +11,7 @@ The formulation is a Hermite form of the scheduler of Wang et al. 2023, J. Manuf
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 
 # Segments on either side of a broken one that are solved anew: a spline's memory of 0.27 a node leaves 1e-7.
 _REACH = 12
+# Rounds of resting beside what breaks a limit, before everything from stop to stop does.
+_RESTS = 4
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def solve_velocities(
             velocity[kept] = earlier[kept]
     excess = limit_excess(tasks, velocities, time_s, corridor_mm)
     # What one segment needs fades from node to node: solve around what breaks a limit, and only where that does
-    # not do, the whole stretch from stop to stop.
+    # not do, the whole stretch from stop to stop. A long programme may leave more than a short one.
     tried = np.zeros(time_s.size + 1, dtype=bool)
     for reach in (_REACH, time_s.size):
         broken = excess > 0
@@ -105,8 +107,12 @@ def solve_velocities(
             break
         tried |= wanted
         solved = solve_programme(tasks, time_s, corridor_mm, velocities, wanted)
-        velocities = tasks[0].rounded(solved[0]), tasks[1].rounded(solved[1])
-        excess = limit_excess(tasks, velocities, time_s, corridor_mm)
+        answer = tasks[0].rounded(solved[0]), tasks[1].rounded(solved[1])
+        left = limit_excess(tasks, answer, time_s, corridor_mm)
+        if left.sum() < excess.sum():
+            velocities, excess = answer, left
+    if excess.any() and last_resort:
+        velocities, excess = _rest_where_broken(tasks, time_s, corridor_mm, velocities, excess)
     if excess.any() and last_resort:
         segments = stretches(tasks, excess > 0)
         chords = chord_velocities((tasks[0][segments], tasks[1][segments]), time_s[segments])
@@ -114,6 +120,30 @@ def solve_velocities(
             whole[segments + 1] = task.rounded(solved_part[1:])
         excess = limit_excess(tasks, velocities, time_s, corridor_mm)
     return VelocitySolution(velocities, excess)
+
+
+def _rest_where_broken(
+    tasks: Tasks,
+    time_s: FloatArray,
+    corridor_mm: float,
+    velocities: tuple[FloatArray, FloatArray],
+    excess: FloatArray,
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Rest at both ends of what breaks a limit, and solve anew around it: it need not stop a whole path."""
+    resting = np.zeros(time_s.size + 1, dtype=bool)
+    for _ in range(_RESTS):
+        broken = excess > 0
+        if not broken.any():
+            break
+        resting[:-1] |= broken
+        resting[1:] |= broken
+        held = replace(tasks[0], free=tasks[0].free & ~resting), replace(tasks[1], free=tasks[1].free & ~resting)
+        start = np.where(resting, 0.0, velocities[0]), np.where(resting, 0.0, velocities[1])
+        wanted = _nodes_around(broken, _REACH, stretches(tasks, broken))
+        solved = solve_programme(held, time_s, corridor_mm, start, wanted)
+        velocities = tasks[0].rounded(solved[0]), tasks[1].rounded(solved[1])
+        excess = limit_excess(tasks, velocities, time_s, corridor_mm)
+    return velocities, excess
 
 
 def _nodes_around(broken: NDArray[np.bool_], reach: int, stretch: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -59,7 +59,10 @@ def terms_of(removed: Removed, x: FloatArray, y: FloatArray) -> FloatArray:
     if kind == "legendre":
         return _legendre(int(number), *(part / max(float(np.abs(part).max()), 1e-300) for part in (x, y)))
     radius = max(float(np.hypot(x, y).max()), 1e-300)
-    return _zernike(int(number) if number else _NAMED[kind], x / radius, y / radius)
+    x, y = x / radius, y / radius
+    if kind in _NAMED:
+        return np.stack([np.ones(x.size), x, y, x**2 + y**2])[: _NAMED[kind]]
+    return _zernike(int(number), x, y)
 
 
 def _legendre(degree: int, x: FloatArray, y: FloatArray) -> FloatArray:
