@@ -23,7 +23,6 @@ from ibfctl.surface.influence import gaussian
 from ibfctl.surface.map import SurfaceMap
 
 ACCELERATION_MM_S2 = 1000.0
-UNLIMITED_MM_S, UNLIMITED_MM_S2 = 2000.0, 1e6
 
 
 @dataclass(frozen=True)
@@ -54,14 +53,11 @@ class Setup:
 
     def machine(self, *, limited: bool = True) -> MachineDescription:
         """Return stages with the top speed of the set-up, or with limits that nobody feels."""
-        limits = (self.v_max_mm_s, ACCELERATION_MM_S2) if limited else (UNLIMITED_MM_S, UNLIMITED_MM_S2)
         machine = stages()
-        axes = {
-            letter: axis.model_copy(
-                update={"v_max_mm_s": limits[0], "a_max_mm_s2": limits[1], "j_max_mm_s3": None, "counts_per_mm": 1e4}
-            )
-            for letter, axis in machine.axes.items()
-        }
+        if not limited:
+            return machine.without_limits()
+        limits = {"v_max_mm_s": self.v_max_mm_s, "a_max_mm_s2": ACCELERATION_MM_S2}
+        axes = {letter: axis.model_copy(update=limits) for letter, axis in machine.axes.items()}
         return machine.model_copy(update={"axes": axes})
 
     def tools(self, pixel_mm: float, aim: Aim, *, limited: bool = True, loop: bool = True) -> list[Tool]:

@@ -105,3 +105,18 @@ def test_the_programs_run_in_sequence_when_changes_are_confirmed(
     assert run(simulate) == 7
     assert "stopped before tool 2" in capsys.readouterr().err
     assert not output.exists()
+
+
+def test_subsets_of_tools_are_compared(small_job: SmallJob, capsys: pytest.CaptureFixture[str]) -> None:
+    suggest = ["tools", "suggest", str(small_job.map), f"{NARROW}:pitch-mm=1", WIDE]
+    assert run([*suggest, "--machine", str(small_job.machine), "--seconds-per-nm", "100", "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert {tuple(subset["tools"]) for subset in figures["subsets"]} == {(1,), (2,), (2, 1)}
+    assert sum(subset["chosen"] for subset in figures["subsets"]) == 1
+    assert figures["initial"][0]["longest_mm"] is None
+    assert run(suggest) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert rows[0].endswith(f"{NARROW}")
+    assert sum(row.endswith("chosen") for row in rows) == 1
+    assert "exclude" in _refusal([*suggest, "--margin", "0.1", "--seconds-per-nm", "100"], capsys)
+    assert "Missing argument" in _refusal(["tools", "suggest", str(small_job.map)], capsys)

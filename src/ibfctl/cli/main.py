@@ -14,7 +14,7 @@ import click
 from ibfctl import __version__
 from ibfctl.errors import IbfctlError
 
-_VERBS = ("plan", "schedule", "compare", "tolerance", "tif", "simulate", "replan", "export", "demo")
+_VERBS = ("plan", "schedule", "compare", "tools", "tolerance", "tif", "simulate", "replan", "export", "demo")
 _NOUNS = ("maps", "influences", "machines", "plans", "runs", "events")
 _SERVICE = ("serve", "keys", "abort")
 _ALL = (*_VERBS, *_NOUNS, *_SERVICE)

@@ -131,6 +131,11 @@ def command(
     surface = MapFile(surface_map, map_pixel_mm, map_unit, map_array)
     if influence is None:
         files = tool_files(tools, machine, tif_pixel_mm, tif_unit)
+        for file in files:
+            if file.machine is None:
+                raise click.UsageError(
+                    f"--tool {file.influence.spec} has no machine: add :machine=FILE, or give --machine."
+                )
         with progress() as report:
             together = plan_tool_files(
                 surface, files, options, output, cast("Method", method), tool_change_s, on_progress=report

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
 from ibfctl.cli.options import machine_path, together
 
@@ -41,7 +40,7 @@ class ToolSpec:
         except ValueError:
             value = 0.0
         if not 0 < value < float("inf"):
-            raise click.UsageError(f"--tool {self.influence}: {key}={self.choices[key]} is no positive length in mm.")
+            raise click.UsageError(f"{self.influence}: {key}={self.choices[key]} is no positive length in mm.")
         return value
 
 
@@ -78,6 +77,7 @@ tool_change_option = click.option(
     show_default=True,
     help="Time of a change of tools, s; counts in the total time.",
 )
+tools_argument = click.argument("tools", metavar="TIF[:KEY=VALUE,...]...", nargs=-1, required=True, callback=_tools)
 tool_options = together(
     click.option(
         "--tool",
@@ -98,40 +98,29 @@ tool_options = together(
 )
 
 
-def given(name: str) -> float | None:
-    """Value of an option that the user gave, None where it is the default."""
-    ctx = click.get_current_context()
-    return ctx.params[name] if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE else None
-
-
 def tool_files(
     tools: Sequence[ToolSpec], machine: Path | None, pixel_mm: float | None, unit: str | None
 ) -> list[ToolFile]:
-    """Make files of what the user wrote; `--machine`, `--pitch-mm` and `--step-mm` hold where a tool has no own.
+    """Make files of what the user wrote; a tool without a machine of its own has `machine`, if that.
 
     Raises
     ------
     click.UsageError
-        If a tool has no machine, or a choice is no length or no axis.
+        If a choice is no length or no axis.
     """
     from ibfctl.jobs.inputs import InfluenceFile
     from ibfctl.jobs.tool_files import ToolFile
 
     files = []
     for tool in tools:
-        own = machine_path(tool.choices.get("machine")) or machine
-        if own is None:
-            raise click.UsageError(f"--tool {tool.influence} has no machine: add :machine=FILE, or give --machine.")
         if tool.choices.get("scan-axis", "x") not in ("x", "y"):
-            raise click.UsageError(
-                f"--tool {tool.influence}: scan-axis={tool.choices['scan-axis']} is neither x nor y."
-            )
+            raise click.UsageError(f"{tool.influence}: scan-axis={tool.choices['scan-axis']} is neither x nor y.")
         files.append(
             ToolFile(
                 InfluenceFile(tool.influence, pixel_mm, unit),
-                own,
-                tool.length_mm("pitch-mm") or given("pitch_mm"),
-                tool.length_mm("step-mm") or given("step_mm"),
+                machine_path(tool.choices.get("machine")) or machine,
+                tool.length_mm("pitch-mm"),
+                tool.length_mm("step-mm"),
                 tool.choices.get("path"),
                 tool.choices.get("scan-axis"),
             )

@@ -76,6 +76,25 @@ def tool_table(figures: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def subset_table(figures: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    """Return the subsets of tools by falling residual, the chosen one marked, with what is left in each band."""
+    heads = [f"{band['longest_mm']:.3g}-{band['shortest_mm']:.3g}" for band in figures["initial"]]
+    lines = [f"{number}  {name}" for number, name in enumerate(names, 1)]
+    lines += ["", f"{'tools':<14}{'residual':>10}{'time':>11}" + "".join(f"{head:>13}" for head in heads)]
+    lines.append(f"{'':<14}{'nm RMS':>10}{'s':>11}" + f"{'mm':>13}" * len(heads))
+    rows = [("before", None, None, figures["initial"], "")]
+    for subset in figures["subsets"]:
+        mark = "  chosen" if subset["chosen"] else "  outdone" if subset["outdone"] else ""
+        tools = " ".join(str(number) for number in subset["tools"])
+        rows.append((tools, subset["residual_nm"], subset["total_time_s"], subset["bands"], mark))
+    for tools, residual_nm, time_s, bands, mark in rows:
+        total_nm = residual_nm if residual_nm is not None else sum(band["rms_nm"] ** 2 for band in bands) ** 0.5
+        time = "" if time_s is None else f"{time_s:.1f}"
+        left = "".join(f"{band['rms_nm']:>13.3f}" for band in bands)
+        lines.append(f"{tools:<14}{total_nm:>10.3f}{time:>11}{left}{mark}")
+    return lines
+
+
 def run_lines(figures: Mapping[str, Any]) -> Lines:
     """Return names and values of a rehearsal's summary."""
     lines: Lines = []

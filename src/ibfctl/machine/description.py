@@ -143,6 +143,18 @@ class MachineDescription(_Section):
             raise ValueError("interlocks must have different names")
         return self
 
+    def without_limits(self) -> MachineDescription:
+        """Return the same machine with travel, speed and acceleration that no finishing job feels."""
+        free = {
+            "travel_min_mm": -1e4,
+            "travel_max_mm": 1e4,
+            "v_max_mm_s": 2000.0,
+            "a_max_mm_s2": 1e6,
+            "j_max_mm_s3": None,
+        }
+        axes = {letter: axis.model_copy(update=free) for letter, axis in self.axes.items()}
+        return self.model_copy(update={"axes": axes})
+
     def letter_of(self, coordinate: str) -> str:
         """Return the letter of the axis that moves `coordinate`."""
         return next(letter for letter, axis in self.axes.items() if axis.coordinate == coordinate)

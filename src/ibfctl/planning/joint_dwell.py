@@ -49,6 +49,8 @@ def solve_jointly(
     changes_s: float,
     cancelled: Cancelled,
     progress: Share = ignored,
+    *,
+    preview: bool = False,
 ) -> JointTimes:
     """Solve the dwell times of jobs on the same map, the narrowest tool last.
 
@@ -61,6 +63,8 @@ def solve_jointly(
         "sto": damped LSMR on the extended surface, each tool on what the last leaves, Algorithm 1.
     changes_s
         Time of all changes of tools, which a limit on the total time includes.
+    preview
+        Stop ours at the coarse cells on which it searches.
 
     Raises
     ------
@@ -70,7 +74,7 @@ def solve_jointly(
         When the planning was cancelled.
     """
     if method == "ours":
-        return _ours(jobs, changes_s, cancelled, progress)
+        return _ours(jobs, changes_s, cancelled, progress, preview=preview)
     problems = _problems(jobs, CELLS_PER_WIDTH, np.float64)
     if method == "mto":
         joint = joint_problem(problems, problems[-1].misfit)
@@ -86,22 +90,24 @@ def solve_jointly(
     return JointTimes(tuple(times))
 
 
-def _ours(jobs: Sequence[PlanningJob], changes_s: float, cancelled: Cancelled, progress: Share) -> JointTimes:
-    fine, coarse = (
+def _ours(
+    jobs: Sequence[PlanningJob], changes_s: float, cancelled: Cancelled, progress: Share, *, preview: bool
+) -> JointTimes:
+    coarse, fine = (
         joint_problem(problems, problems[-1].misfit)
         for problems in (
-            _problems(jobs, per_width, np.float32) for per_width in (CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH)
+            _problems(jobs, per_width, np.float32) for per_width in (COARSE_CELLS_PER_WIDTH, CELLS_PER_WIDTH)
         )
     )
     on_pixels = JointRemoval(ideal_operators(jobs))
     options = jobs[-1].options
     aim = _dwell_aim(options.aim, changes_s, float(fine.lower_s.sum()))
     found = aim_at(
-        fine,
+        coarse if preview else fine,
         lambda time_s: jobs[-1].rms_nm(on_pixels(time_s)),
         aim,
         start_s=fine.lower_s,
-        coarse=coarse,
+        coarse=None if preview else coarse,
         regularisation=Regularisation(options.tikhonov),
         cancelled=cancelled,
         progress=progress,

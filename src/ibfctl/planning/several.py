@@ -66,7 +66,7 @@ def plan_sequence(
 
     stage("laying the paths", 0.0)
     tools = sorted(tools, key=lambda tool: full_width_mm(tool.influence), reverse=True)
-    jobs = _jobs(surface, tools)
+    jobs = prepare_tools(surface, tools)
     stage("solving dwell times", 0.1)
     solved = solve_jointly(
         jobs,
@@ -161,8 +161,14 @@ def _tool_of(plan: Plan, spent_s: float) -> Tool:
     return Tool(plan.influence, plan.machine, replace(plan.options, aim=aim), plan.inputs)
 
 
-def _jobs(surface: SurfaceMap, tools: Sequence[Tool]) -> list[PlanningJob]:
-    """Prepare the job of every tool; with an extra removal, for a map of all that is to go, where nothing is free."""
+def prepare_tools(surface: SurfaceMap, tools: Sequence[Tool]) -> list[PlanningJob]:
+    """Prepare the job of every tool; with an extra removal, for a map of all that is to go, where nothing is free.
+
+    Raises
+    ------
+    InputError, LimitsError
+        As `prepare` does, or if there is no tool.
+    """
     if not tools:
         raise InputError("plan: no tool", "give at least one --tool")
     jobs = [prepare(surface, tool.influence, tool.machine, tool.options) for tool in tools]
