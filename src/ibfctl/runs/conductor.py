@@ -144,7 +144,8 @@ class _Run:
             outcome = execute_leg(self._leg, self.rig, on_progress=self._on_progress, on_state=self._on_state)
             self._legs.append(outcome)
             ended = {"end": outcome.end, "open_plan_samples": outcome.open_plan_samples, "executed": outcome.executed}
-            self._report("leg", {**told, **ended, "uncertainty_samples": outcome.uncertainty_samples})
+            known = {"uncertainty_samples": outcome.uncertainty_samples, "begun_samples": outcome.begun_samples}
+            self._report("leg", {**told, **ended, **known})
             if outcome.error is not None:
                 raise outcome.error
             if outcome.seam >= self._nodes[-1]:

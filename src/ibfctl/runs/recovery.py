@@ -7,6 +7,7 @@ last status of the worker tell it to within the guard's patience. Nothing is cla
 from __future__ import annotations
 
 import os
+import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -20,8 +21,9 @@ from ibfctl.planning.plan import Plan
 from ibfctl.runs import drivers, status
 from ibfctl.runs.adoption import last_state
 from ibfctl.runs.history import History, Interval, LegRecord, history
-from ibfctl.runs.job import Job, read_job
+from ibfctl.runs.job import Job, read_job, write_job
 from ibfctl.runs.journal import Journal
+from ibfctl.runs.launch import start_worker
 from ibfctl.runs.leg import Leg
 from ibfctl.runs.lock import MachineLock, take
 from ibfctl.runs.places import LOCK, PLAN, SIDE, journal_beside
@@ -104,6 +106,20 @@ def recover(folder: Path, connect: Connect = drivers.connect) -> Recovered:
     finally:
         os.close(lock)
     return found
+
+
+def resume(folder: Path, found: Recovered) -> subprocess.Popen[bytes]:
+    """Start a new worker that goes on at the seam; returns as `start_worker`.
+
+    Raises
+    ------
+    RunError
+        If the run cannot be resumed.
+    """
+    if not found.can_resume:
+        raise RunError(f"run {folder.name} cannot be resumed: {found.why_not}", found.hint)
+    write_job(folder, read_job(folder).model_copy(update={"resume_at": found.seam}))
+    return start_worker(folder)
 
 
 class _Case:

@@ -11,6 +11,7 @@ import logging
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -105,7 +106,7 @@ class Worker:
                     machine,
                     controller,
                     self._requests,
-                    self._report,
+                    self._tell,
                     time_scale=self._job.speed,
                     resume_at=self._job.resume_at,
                     folder=self._folder,
@@ -120,6 +121,12 @@ class Worker:
             self._end(RunState.FAULTED, RunError(f"the worker failed: {error!r}", "see worker.log in the run's folder"))
             raise
         return 0 if result.error is None else result.error.exit_code
+
+    def _tell(self, kind: str, data: Mapping[str, object]) -> None:
+        """Pass on what the run reports; what has led to a new state or a new leg is recorded before it."""
+        if kind in ("state", "leg"):
+            self._wire.flush()
+        self._report(kind, data)
 
     def _take(self, act: Act) -> None:
         """Do at once what somebody asks for; noted is it afterwards."""
