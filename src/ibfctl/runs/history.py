@@ -25,7 +25,7 @@ class LegRecord:
     ended
         Whether its worker has told what became of it.
     begun_samples
-        The controller's stamp of its begin, where that was told.
+        The controller's stamp of its begin; 0 where the leg has ended and it was not known, None before.
     """
 
     first_plan_sample: int
@@ -91,14 +91,14 @@ def _add(found: History, event: Event) -> None:
             for interval in data["executed"]:
                 _end(found, interval, data["uncertainty_samples"], data.get("begun_samples"))
             if found.last_leg is not None:
-                found.last_leg.ended = True
+                found.last_leg.ended, found.last_leg.begun_samples = True, data["begun_samples"] or 0
         case "progress":
             found.places += [(place[0], place[1], place[2]) for place in data.get("places", ())]
 
 
 def _end(found: History, interval: Sequence[int] | None, uncertainty_samples: int, begun: int | None) -> None:
     if found.last_leg is not None:
-        found.last_leg.ended, found.last_leg.begun_samples = True, begun
+        found.last_leg.ended, found.last_leg.begun_samples = True, begun or 0
     if interval is not None:
         found.executed.append((interval[0], interval[1]))
         found.uncertainty_samples = uncertainty_samples

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import os
 import signal
+import sqlite3
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import h5py
 import pytest
 from support.jobs import small_run
+from support.proxy import Proxy
 
 from ibfctl.errors import RunError
 from ibfctl.runs import control, status
 from ibfctl.runs.adoption import has_worker, interrupt_orphans
 from ibfctl.runs.detached_emulator import DetachedEmulator
-from ibfctl.runs.job import read_job
+from ibfctl.runs.history import history
+from ibfctl.runs.job import read_job, write_job
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
 from ibfctl.runs.lock import MachineLock
 from ibfctl.runs.places import journal_path
+from ibfctl.runs.transcript import transcript
 
 PATIENCE_S = 30.0
 SPEED = 50.0
@@ -115,3 +120,47 @@ def test_one_machine_has_one_run(folder: Path) -> None:
     assert shown["state"] == "faulted"
     assert "in use by run r0" in shown["reason"]
     assert states(folder) == ["queued", "faulted"]
+
+
+def test_a_journal_that_is_locked_all_the_time_leaves_motion_and_gate_alone(folder: Path) -> None:
+    data = folder.parent.parent
+    connection = sqlite3.connect(journal_path(data), isolation_level=None)
+    connection.execute("BEGIN IMMEDIATE")
+    with start_worker(folder) as worker:
+        flagged = until_status(folder, lambda shown: shown.get("journal_ok") is False)
+        assert worker.wait(PATIENCE_S) == 0, (folder / "worker.log").read_text()
+    assert flagged["state"] in ("running", "finishing", "completed")
+    shown = status.read(folder)
+    assert shown is not None
+    assert (shown["state"], shown["executed"], shown["gate"]) == ("completed", 900, "closed")
+    connection.execute("ROLLBACK")
+    connection.close()
+    assert states(folder) == ["queued"]
+    interrupt_orphans(data)
+    assert states(folder)[-3:] == ["running", "finishing", "completed"]
+    assert transcript(folder)["stream"].count(b"PVA=") == 901
+
+
+def test_a_pause_and_a_resume_are_in_the_journal_to_the_last_byte(folder: Path, tmp_path: Path) -> None:
+    job = read_job(folder)
+    assert job.address is not None
+    with Proxy(job.address.host, job.address.port) as proxy:
+        write_job(folder, job.model_copy(update={"address": job.address.model_copy(update={"port": proxy.port})}))
+        with start_worker(folder) as worker:
+            until_status(folder, lambda shown: shown.get("executed", 0) > 20)
+            control.send(folder, {"act": "pause", "when": "now", "key": "k3"})
+            until_status(folder, lambda shown: shown["state"] == "paused")
+            control.send(folder, {"act": "resume", "key": "k3"})
+            assert worker.wait(PATIENCE_S) == 0, (folder / "worker.log").read_text()
+        seen = dict(zip(("stream", "status", "gate", "abort"), proxy.commands, strict=True))
+    assert transcript(folder) == seen
+    with Journal.open(journal_path(tmp_path)) as journal:
+        known = history(journal, "r1")
+        acts = [(event.data["act"], event.key) for event in journal.events(run="r1", kind="act")]
+    assert acts == [("pause", "k3"), ("resume", "k3")]
+    (begin, seam), (taken_up, end) = known.executed
+    assert (begin, end) == (0, 900 * 60)
+    assert taken_up == pytest.approx(seam, abs=1)
+    with h5py.File(folder / "run.h5") as file:
+        assert file["executed/plan_samples"][:].tolist() == [list(interval) for interval in known.executed]
+        assert file["trace/sample"].size == 900 * 60
