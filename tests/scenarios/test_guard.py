@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import signal
 import socket
 import subprocess
@@ -34,18 +33,18 @@ def a_host_at_work(plan_file: Path, bench: MachineDescription) -> Iterator[subpr
     machine_file = plan_file.with_name("machine.json")
     machine_file.write_text(bench.model_dump_json())
     script = (
-        "import sys, threading; from pathlib import Path;"
+        "import sys; from pathlib import Path;"
         "from ibfctl.machine.description import MachineDescription; from ibfctl.planning.file import read_plan;"
-        "from ibfctl.runs.child_worker import run_program;"
+        "from ibfctl.runs.drivers import connect; from ibfctl.runs.streamer import execute;"
         "machine = MachineDescription.model_validate_json(Path(sys.argv[1]).read_text());"
         "program = read_plan(Path(sys.argv[2])).program;"
-        "run_program(program, machine, lambda line: print(line, flush=True), threading.Event())"
+        "execute(program, machine, connect(machine), on_progress=lambda at: print(at.executed, flush=True))"
     )
     command = [sys.executable, "-c", script, str(machine_file), str(plan_file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
-            while ast.literal_eval(process.stdout.readline())["executed"] < 130:
+            while int(process.stdout.readline()) < 130:
                 pass
             yield process
         finally:

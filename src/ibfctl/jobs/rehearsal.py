@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import tempfile
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ibfctl.errors import ControllerError, RunError
 from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.plan import InputFile, Plan
-from ibfctl.runs.child_worker import run_program
-from ibfctl.runs.outcome import RunOutcome
+from ibfctl.runs.drivers import connect
+from ibfctl.runs.emulator import emulated_controller
+from ibfctl.runs.outcome import RunOutcome, RunProgress
 from ibfctl.runs.records import as_run_of
 from ibfctl.runs.run_file import RunRecord, write_run
+from ibfctl.runs.streamer import execute
 from ibfctl.runs.trace import read_emulator_trace
 
 Report = Callable[[str, float], None]
+
+# How much slower the clock runs each time that this computer was too busy to keep up with it.
+SLOWER = 0.25
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,8 @@ def rehearse(
     plan_file
         Name and hash of the plan's file, for the record.
     speed
-        Controller seconds per second of the host.
+        Controller seconds per second of the host; a run that a busy host cannot feed at that speed is repeated at a
+        quarter of it, down to real time.
     on_progress
         Called with a stage's name and its fraction, 0 to 1.
 
@@ -77,21 +83,38 @@ def rehearse(
     RunError, ControllerError
         If the run does not end as planned; nothing is written then.
     """
-
-    def tell(line: Mapping[str, Any]) -> None:
-        on_progress("streaming", line["executed"] / line["total"])
-
-    on_progress("streaming", 0.0)
     with tempfile.TemporaryDirectory(prefix="ibfctl-") as folder:
         trace = Path(folder) / "trace.h5"
-        outcome = run_program(plan.program, plan.machine, tell, threading.Event(), trace=trace, speed=speed)
+        outcome = _streamed(plan, trace, speed, on_progress)
         on_progress("as-run residual", 0.0)
-        rehearsal = record(plan, plan_file, outcome, trace, output)
+        rehearsal = _recorded(plan, plan_file, outcome, trace, output)
     on_progress("as-run residual", 1.0)
     return rehearsal
 
 
-def record(plan: Plan, plan_file: InputFile, outcome: RunOutcome, trace_path: Path, output: Path) -> Rehearsal:
+def _streamed(plan: Plan, trace: Path, speed: float, on_progress: Report) -> RunOutcome:
+    """Run the plan on an emulated controller, with a clock that this computer can keep up with."""
+
+    def tell(progress: RunProgress) -> None:
+        on_progress("streaming", progress.executed / progress.total)
+
+    while True:
+        on_progress(f"streaming at {speed:g} times real time", 0.0)
+        try:
+            with emulated_controller(trace, speed=speed) as emulated:
+                machine = emulated.in_place_of(plan.machine)
+                controller = connect(machine)
+                try:
+                    return execute(plan.program, machine, controller, on_progress=tell, time_scale=speed)
+                finally:
+                    controller.close()
+        except (RunError, ControllerError):
+            if speed <= 1:
+                raise
+            speed = max(SLOWER * speed, 1.0)
+
+
+def _recorded(plan: Plan, plan_file: InputFile, outcome: RunOutcome, trace_path: Path, output: Path) -> Rehearsal:
     """Find what an emulated controller's trace removed, and write the run file."""
     trace = read_emulator_trace(trace_path, plan.machine)
     rehearsal = Rehearsal(outcome, as_run_of(plan, trace))
