@@ -15,7 +15,7 @@ from ibfctl.service.conditional import Conditional
 from ibfctl.service.description import describe
 from ibfctl.service.keys import KeyRing
 from ibfctl.service.metrics import Measured, Requests
-from ibfctl.service.routers import events, influences, info, machines, maps, plans, runs
+from ibfctl.service.routers import events, influences, info, machine, machines, maps, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
 
@@ -46,9 +46,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(Audited)
     app.add_middleware(Access, keys=KeyRing(settings.data))
     app.add_middleware(Measured, requests=measured)
-    for module in (maps, influences, machines, plans, runs, events, info):
+    for module in (maps, influences, machines, plans, runs, machine, events, info):
         app.include_router(module.router, prefix="/v1")
-    app.include_router(runs.everything, prefix="/v1")
+    app.include_router(machine.everything, prefix="/v1")
     app.include_router(info.health)
     describe(app)
     return app

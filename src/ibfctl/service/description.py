@@ -15,6 +15,7 @@ _TAGS = {
     "machines": "Machine files: limits to plan for, and where runs are sent to.",
     "plans": "Dwell times and motion for a map, an influence function and a machine; solved in the background.",
     "runs": "Plans streamed to a controller, each by a worker process of its own.",
+    "machine": "The machine of this service between runs: positions in mm of the machine, gate closed.",
     "events": "What happens, as it happens.",
     "info": "The service itself.",
 }

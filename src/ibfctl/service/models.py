@@ -187,10 +187,56 @@ class RunRecord(Resource):
     error: Problem | None = None
 
 
-class Aborted(BaseModel):
-    """What was told to abort."""
+class Told(BaseModel):
+    """Who was told."""
 
-    runs: list[str]
+    runs: Annotated[list[str], Field(description="Ids of runs and of acts on the machine.")]
+
+
+class MachineAct(BaseModel):
+    """An act on the machine that is no run."""
+
+    id: str
+    name: Literal["connect", "home", "move", "gate-test", "estop"]
+    state: Literal["running", "done", "failed"]
+    begun: Annotated[str, Field(description="UTC, ISO 8601.")]
+    operator: str
+    error: Problem | None = None
+
+
+class AxisSeen(BaseModel):
+    """One axis as the controller told it."""
+
+    coordinate: Literal["x", "y"]
+    position_mm: Annotated[float, Field(description="Coordinate of the machine.")]
+    position_counts: int
+    error_counts: Annotated[int, Field(description="Following error.")]
+    stop_code: Annotated[int, Field(description="Galil's SC.")]
+    moving: bool
+    motor_on: bool
+    homed: Annotated[bool, Field(description="Whether it knows where it is.")]
+
+
+class MachineSeen(BaseModel):
+    """What the last act saw at its end."""
+
+    at: Annotated[str, Field(description="UTC, ISO 8601.")]
+    model: Annotated[str, Field(description="Who answers: model and firmware.")]
+    axes: Annotated[dict[str, AxisSeen], Field(description="By the controller's letter.")]
+    gate: Literal["open", "closed"]
+    latched: Annotated[bool, Field(description="Whether an emergency stop is latched: nothing moves.")]
+    sample_period_s: Annotated[float | None, Field(description="As measured by `connect`.")] = None
+
+
+class MachineNow(BaseModel):
+    """The machine of the service."""
+
+    name: Annotated[str, Field(description="In its machine file.")]
+    simulated: Annotated[bool, Field(description="Whether its controller is an emulated one.")]
+    running: Annotated[list[str], Field(description="Ids of the runs under way.")]
+    act: Annotated[MachineAct | None, Field(description="The last act that was asked for.")] = None
+    seen: MachineSeen | None = None
+    links: Links
 
 
 class Info(BaseModel):

@@ -22,6 +22,7 @@ IdempotencyKey = Annotated[
     ),
 ]
 Identity = Annotated[str, Path(description="Id of the resource.", examples=["019ab2c4d5e6f708"])]
+FileName = Path(description="Name of the file, as in the links of its resource.")
 Limit = Annotated[int, Query(ge=1, le=1000, description="Most items on a page.")]
 After = Annotated[str | None, Query(description="Id of the last item of the page before.")]
 

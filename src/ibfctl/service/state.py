@@ -18,6 +18,7 @@ from ibfctl.service.access import Holder
 from ibfctl.service.children import Child
 from ibfctl.service.events import Events
 from ibfctl.service.fleet import Fleet
+from ibfctl.service.machine_desk import MachineDesk
 from ibfctl.service.metrics import Metric, Requests
 from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.settings import Settings
@@ -39,6 +40,7 @@ class State:
         self.runs = Collection(settings.data, "runs")
         self.events = Events(journal)
         self.fleet = Fleet(settings.data, self.runs, journal, self.events, self.start)
+        self.desk = MachineDesk(settings, self.fleet, self.start)
         self.emulator: DetachedEmulator | None = None
         self.starting_run = asyncio.Lock()
         self.planners = asyncio.Semaphore(len(os.sched_getaffinity(0)))
@@ -67,6 +69,7 @@ class State:
         if self.settings.simulate:
             start = DetachedEmulator.start_or_adopt
             self.emulator = await asyncio.to_thread(start, self.settings.data, speed=self.settings.speed)
+            self.desk.emulated = self.emulator.controller
         await self.fleet.adopt()
         self.start(self.fleet.watch())
 

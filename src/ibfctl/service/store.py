@@ -36,7 +36,7 @@ class Collection:
 
     def create(self) -> str:
         """Make the folder of a new resource and return its id; without a record it does not exist for clients."""
-        identity = f"{time.time_ns() // 1_000_000:011x}{secrets.randbits(20):05x}"
+        identity = new_identity()
         (self._folder / identity).mkdir()
         return identity
 
@@ -102,6 +102,11 @@ class Collection:
 
     def _key_path(self, key: str) -> Path:
         return self._folder / _KEYS / hashlib.sha256(key.encode()).hexdigest()
+
+
+def new_identity() -> str:
+    """Return an id; its first digits are the time, in ms."""
+    return f"{time.time_ns() // 1_000_000:011x}{secrets.randbits(20):05x}"
 
 
 def fingerprint_of(*parts: Any) -> str:

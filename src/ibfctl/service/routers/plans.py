@@ -13,7 +13,17 @@ from ibfctl.service.children import TASKS, Child
 from ibfctl.service.models import Page, PlanRecord
 from ibfctl.service.part import Aperture, Placing, Positive
 from ibfctl.service.problems import ServiceError, problem
-from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
+from ibfctl.service.requests import (
+    After,
+    FileName,
+    IdempotencyKey,
+    Identity,
+    Limit,
+    file_on_demand,
+    linked,
+    page,
+    refusals,
+)
 from ibfctl.service.routers.machines import MACHINE_FILE
 from ibfctl.service.state import Service, State
 from ibfctl.service.store import Record, fingerprint_of
@@ -138,7 +148,7 @@ async def cancel_plan(identity: Identity, service: Service) -> Record:
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
-async def get_plan_file(identity: Identity, name: PlanFile, service: Service) -> FileResponse:
+async def get_plan_file(identity: Identity, name: Annotated[PlanFile, FileName], service: Service) -> FileResponse:
     """Download a file of a plan: the plan itself, exports for Galil's tool, tables, pictures."""
     if service.plans.read(identity)["state"] != "done":
         raise ServiceError(409, f"plans/{identity}: is not done", "wait until its state is done")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Response
@@ -14,15 +13,24 @@ from ibfctl.runs.job import Address, Job
 from ibfctl.runs.states import TRANSITIONS, RunState
 from ibfctl.service.access import Holder
 from ibfctl.service.fleet import AT_REST, error_of
-from ibfctl.service.models import Aborted, Page, RunRecord
+from ibfctl.service.models import Page, RunRecord
 from ibfctl.service.problems import ServiceError
-from ibfctl.service.requests import After, IdempotencyKey, Identity, Limit, file_on_demand, linked, page, refusals
+from ibfctl.service.requests import (
+    After,
+    FileName,
+    IdempotencyKey,
+    Identity,
+    Limit,
+    file_on_demand,
+    linked,
+    page,
+    refusals,
+)
 from ibfctl.service.routers.plans import machine_of
 from ibfctl.service.state import Asking, Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/runs", tags=["runs"])
-everything = APIRouter(tags=["runs"])
 
 RunFile = Literal["run.h5", "residual.npz", "residuals.png"]
 _FILES: tuple[RunFile, ...] = get_args(RunFile)
@@ -123,16 +131,6 @@ async def abort_run(identity: Identity, service: Service, asking: Asking) -> Rec
     return _pass_on(service, identity, asking, {"act": "abort"})
 
 
-@everything.post("/abort", status_code=202, responses=refusals())
-async def abort_everything(service: Service, asking: Asking) -> Aborted:
-    """Abort whatever runs. Open to every key."""
-    runs = service.fleet.living
-    for identity in runs:
-        with contextlib.suppress(RunError):  # it has just ended
-            service.fleet.act(identity, {"act": "abort", "key": asking.key, "by": asking.name})
-    return Aborted(runs=runs)
-
-
 @router.post("/{identity}/estop", **_ACT)
 async def estop_run(identity: Identity, service: Service, asking: Asking) -> Record:
     """Close the gate, stop all motion at once, switch the motors off, and let nothing move. Open to every key.
@@ -155,7 +153,7 @@ async def push_interlock(identity: Identity, request: InterlockRequest, service:
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
-async def get_run_file(identity: Identity, name: RunFile, service: Service) -> FileResponse:
+async def get_run_file(identity: Identity, name: Annotated[RunFile, FileName], service: Service) -> FileResponse:
     """Download a file of a run that is over: the run file, or what is left of the error as a table or a picture."""
     record = service.runs.read(identity)
     if service.fleet.state(identity) not in AT_REST:
@@ -207,6 +205,8 @@ async def _start(request: RunRequest, service: State, asking: Holder) -> Record:
     busy = [
         run for run in service.fleet.living if service.settings.simulate or _machine_of_run(service, run) == machine
     ]
+    if service.desk.busy:
+        raise ServiceError(409, "machine: an act is under way", "wait for its end or abort it")
     if busy:
         raise ServiceError(409, f"runs/{', '.join(busy)}: is under way", "wait for its end or abort it")
     identity = service.runs.create()

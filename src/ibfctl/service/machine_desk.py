@@ -1,0 +1,101 @@
+"""The machine of the service between runs: one act at a time, and what the last one has seen."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from ibfctl.errors import RunError
+from ibfctl.runs.control import open_pipe, send
+from ibfctl.runs.emulator import EmulatedController
+from ibfctl.service.access import Holder
+from ibfctl.service.children import Child
+from ibfctl.service.fleet import Beside, Fleet
+from ibfctl.service.problems import ServiceError, problem
+from ibfctl.service.settings import Settings
+from ibfctl.service.store import new_identity
+
+MODULE = "ibfctl.service.machine_acts"
+ACTS = "acts"
+"""Folder of the data folder; `ibfctl abort` looks into it as well."""
+
+Shown = dict[str, Any]
+
+
+class MachineDesk:
+    """Acts on the machine of the service that are no runs.
+
+    Parameters
+    ----------
+    settings, fleet
+        Of the service.
+    beside
+        Does work beside the requests.
+    """
+
+    def __init__(self, settings: Settings, fleet: Fleet, beside: Beside) -> None:
+        self._settings = settings
+        self._fleet = fleet
+        self._beside = beside
+        self._folder = settings.data / ACTS
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self.emulated: EmulatedController | None = None
+        self.act: Shown | None = None
+        self.seen: Shown | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether an act is under way."""
+        return self.act is not None and self.act["state"] == "running"
+
+    def start(self, name: str, holder: Holder, target_mm: Mapping[str, float] | None = None) -> None:
+        """Begin an act.
+
+        Raises
+        ------
+        ServiceError
+            If a run or another act is under way; an e-stop asks for neither.
+        """
+        emergency = name == "estop"
+        if not emergency and (self.busy or self._fleet.living):
+            what = f"runs/{self._fleet.living[0]}" if self._fleet.living else f"machine: {(self.act or {})['name']}"
+            raise ServiceError(409, f"{what} is under way", "wait for its end or abort it")
+        request: Shown = {"name": name, "machine": str(self._settings.machine), "target_mm": dict(target_mm or {})}
+        if self.emulated is not None:
+            address = {"host": self.emulated.host, "port": self.emulated.port}
+            request |= {"address": address, "speed": self.emulated.time_scale}
+        identity = new_identity()
+        begun = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self.act = {"id": identity, "name": name, "state": "running", "begun": begun, "operator": holder.name}
+        self._beside(self._do(identity, request))
+
+    def tell(self, act: str, holder: Holder) -> list[str]:
+        """Tell an act that is under way to abort or to stop in an emergency; return which was told."""
+        if self.act is None or not self.busy:
+            return []
+        with contextlib.suppress(RunError):
+            send(self._folder / self.act["id"], {"act": act, "key": holder.key, "by": holder.name})
+            return [self.act["id"]]
+        return []
+
+    async def _do(self, identity: str, request: Shown) -> None:
+        folder = self._folder / identity
+        folder.mkdir(parents=True)
+        pipe = open_pipe(folder)  # what is said before the child listens waits in it
+        try:
+            child = await Child.start(MODULE, [str(folder)], request)
+            event = await child.last_event(lambda progress: None)
+        finally:
+            os.close(pipe)
+            shutil.rmtree(folder)
+        ended: Shown = {"state": "done"}
+        if event["event"] == "failed":
+            ended = {"state": "failed", "error": problem(409, event["code"], event["message"], event["hint"])}
+        else:
+            self.seen = {**event["figures"], "at": datetime.now(UTC).isoformat(timespec="milliseconds")}
+        if self.act is not None and self.act["id"] == identity:
+            self.act = {**self.act, **ended}
