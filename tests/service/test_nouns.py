@@ -66,6 +66,17 @@ def test_from_a_map_to_a_run_that_is_over(
         assert say(noun, "list")["items"] == []
 
 
+def test_the_machine_is_moved_between_runs(say: Say, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "seen" not in say("machine", "status")
+    say("machine", "home")
+    moved = say("machine", "move", "--x-mm", "2.5")
+    assert {axis["coordinate"]: axis["position_mm"] for axis in moved["seen"]["axes"].values()}["x"] == 2.5
+    say("machine", "move", "--x-mm", "1e6", code=3)
+    assert run(["machine", "status"]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert any(line.split()[:3] == ["A", "x", "2.5"] for line in told)
+
+
 def test_what_is_refused_says_why(say: Say, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments in (("runs", "pause"), ("runs", "watch"), ("plans", "create", "x", "y", "--set", "pitch")):
         assert run([*arguments]) == 2

@@ -15,7 +15,7 @@ from ibfctl import __version__
 from ibfctl.errors import IbfctlError
 
 _VERBS = ("plan", "schedule", "compare", "tools", "tolerance", "tif", "simulate", "replan", "export", "demo")
-_NOUNS = ("maps", "influences", "machines", "plans", "runs", "events")
+_NOUNS = ("maps", "influences", "machines", "plans", "runs", "machine", "events")
 _SERVICE = ("serve", "keys", "abort")
 _ALL = (*_VERBS, *_NOUNS, *_SERVICE)
 _EXIT_USAGE = 2

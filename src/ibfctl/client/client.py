@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar, cast
 
-from ibfctl.client.records import OVER, Event, Influence, Machine, Map, Plan, PlanProgress, Resource, Run
+from ibfctl.client.records import OVER, Event, Influence, Machine, MachineNow, Map, Plan, PlanProgress, Resource, Run
 from ibfctl.client.transport import Transport
 
 DEFAULT_URL = "http://127.0.0.1:8000"
@@ -144,6 +144,44 @@ class Runs(Collection[Run]):
         return run
 
 
+class MachineOfService:
+    """The machine of the service between runs; every act waits for its end."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+
+    def show(self) -> MachineNow:
+        """Return what is known of it."""
+        return cast(MachineNow, self._transport.ask("GET", "/v1/machine"))
+
+    def connect(self) -> MachineNow:
+        """Ask the controller who it is and how all stands."""
+        return self._do("connect")
+
+    def home(self) -> MachineNow:
+        """Home all axes."""
+        return self._do("home")
+
+    def move(self, x_mm: float | None = None, y_mm: float | None = None) -> MachineNow:
+        """Move to a place in coordinates of the machine."""
+        return self._do("move", x_mm=x_mm, y_mm=y_mm)
+
+    def gate_test(self) -> MachineNow:
+        """Close the gate, read it back, and see the guard program run."""
+        return self._do("gate-test")
+
+    def estop(self) -> MachineNow:
+        """Stop everything and latch that on the controller."""
+        return self._do("estop")
+
+    def _do(self, act: str, **body: float | None) -> MachineNow:
+        now: MachineNow = self._transport.ask("POST", f"/v1/machine/{act}", json=body or None)
+        while "act" in now and now["act"]["state"] == "running":
+            time.sleep(_POLL_S)
+            now = self.show()
+        return now
+
+
 class Client:
     """One service.
 
@@ -162,6 +200,7 @@ class Client:
         self.maps = Maps(self._transport, "maps")
         self.influences = Influences(self._transport, "influences")
         self.machines = Machines(self._transport, "machines")
+        self.machine = MachineOfService(self._transport)
         self.plans = Plans(self._transport, "plans")
         self.runs = Runs(self._transport, "runs")
 

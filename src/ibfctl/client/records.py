@@ -132,6 +132,39 @@ class Run(Resource):
     error: NotRequired[Problem]
 
 
+class MachineAct(TypedDict):
+    """An act on the machine that is no run."""
+
+    id: str
+    name: str
+    state: Literal["running", "done", "failed"]
+    begun: str
+    operator: str
+    error: NotRequired[Problem]
+
+
+class MachineSeen(TypedDict):
+    """What an act saw at its end."""
+
+    at: str
+    model: str
+    axes: dict[str, dict[str, Any]]
+    gate: Literal["open", "closed"]
+    latched: bool
+    sample_period_s: NotRequired[float]
+
+
+class MachineNow(TypedDict):
+    """The machine of the service."""
+
+    name: str
+    simulated: bool
+    running: list[str]
+    act: NotRequired[MachineAct]
+    seen: NotRequired[MachineSeen]
+    links: dict[str, str]
+
+
 class Event(TypedDict):
     """One event; `id` is None for telemetry."""
 
