@@ -29,7 +29,7 @@ def _started(client: httpx.Client, plan_id: str) -> str:
 def _until(client: httpx.Client, place: str, told: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     deadline = time.monotonic() + PATIENCE_S
     while not told(record := client.get(place).raise_for_status().json()):
-        assert time.monotonic() < deadline, record
+        assert time.monotonic() < deadline and "error" not in record, record
         time.sleep(0.02)
     return record
 
@@ -47,7 +47,7 @@ def test_a_run_outlives_the_service_that_started_it(settings: Settings, plan_id:
         assert client.get("/v1/info").json()["running"] == [record["id"]]
         assert client.post(f"{place}/abort").status_code == 202
         run = ended(client, place)
-    assert (run["state"], run["error"]["code"]) == ("aborted", "aborted")
+    assert (run["state"], run["error"]["code"]) == ("aborted", "aborted"), run["error"]["detail"]
 
 
 def test_what_ended_while_no_service_ran_is_told_by_the_next(settings: Settings, plan_id: str) -> None:
@@ -96,6 +96,21 @@ def test_acts_that_do_not_fit_the_state_are_refused(plan_id: str, client: httpx.
     assert client.post(f"{place}/stop").status_code == 202  # over is over
     for act in ("pause", "resume", "confirm"):
         assert client.post(f"{place}/{act}").status_code == 409
+
+
+def test_a_run_is_paused_and_resumed_and_leaves_what_was_planned(plan_id: str, settings: Settings) -> None:
+    with serving(dataclasses.replace(settings, speed=10.0)) as client:
+        place = _started(client, plan_id)
+        _until(client, place, lambda record: record.get("status", {}).get("progress", 0) > 0.2)
+        assert client.post(f"{place}/pause", json={"when": "now"}).status_code == 202
+        paused = _until(client, place, lambda record: record["state"] == "paused")
+        assert paused["status"]["gate"] == "closed"
+        assert client.post(f"{place}/resume").status_code == 202
+        run = ended(client, place)
+        plan = client.get(f"/v1/plans/{plan_id}").json()
+    assert run["state"] == "completed", run
+    assert run["figures"]["as_run_rms_nm"] == pytest.approx(plan["summary"]["executed_rms_nm"], abs=0.05)
+    assert {"run.h5", "residual.npz", "residuals.png"} <= set(run["links"])
 
 
 def test_a_slow_listener_holds_nobody_up(settings: Settings, plan_id: str) -> None:

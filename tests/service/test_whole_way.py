@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import httpx
+import pytest
 
 from tests.support.served import PATIENCE_S, ended
 from tests.support.small_job import TIF, SmallJob
@@ -34,6 +35,7 @@ def test_from_upload_to_as_run_residual(served: httpx.Client, small_job: SmallJo
     assert run["state"] == "completed", run
     assert run["status"]["executed"] == run["status"]["total"] == plan["summary"]["segments"]
     assert run["status"]["gate"] == "closed"
+    assert run["figures"]["as_run_rms_nm"] == pytest.approx(plan["summary"]["executed_rms_nm"], abs=0.05)
 
     for record in (surface, plan, run):
         again = served.get(record["links"]["self"]).raise_for_status().json()
@@ -44,7 +46,9 @@ def test_from_upload_to_as_run_residual(served: httpx.Client, small_job: SmallJo
             assert len(content) > 100
 
 
-def test_an_abort_ends_the_run_and_says_so(served: httpx.Client, small_job: SmallJob) -> None:
+def test_an_abort_ends_the_run_and_says_so(
+    served: httpx.Client, small_job: SmallJob, tmp_path: Path
+) -> None:
     surface = served.post("/v1/maps", params={"format": "npz"}, content=small_job.map.read_bytes()).json()
     weak = TIF.replace("peak_nm_s=4", "peak_nm_s=0.01")  # hours of beam time: the run is surely under way
     influence = served.post("/v1/influences", params={"formula": weak}).json()
@@ -58,7 +62,8 @@ def test_an_abort_ends_the_run_and_says_so(served: httpx.Client, small_job: Smal
     while served.get(place).json()["state"] != "running" and time.monotonic() < deadline:
         time.sleep(0.02)
     assert served.get(place).json()["status"]["margin_s"] > 0
-    command = [sys.executable, "-m", "ibfctl", "abort", "--port", str(served.base_url.port)]
+    nowhere = ["--data", str(tmp_path / "none")]  # so that the service itself must do it
+    command = [sys.executable, "-m", "ibfctl", "abort", "--url", str(served.base_url), *nowhere]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert said == f"aborted  {place.rpartition('/')[2]}\n"
     run = ended(served, place)
