@@ -29,7 +29,8 @@ def _started(client: httpx.Client, plan_id: str) -> str:
 def _until(client: httpx.Client, place: str, told: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     deadline = time.monotonic() + PATIENCE_S
     while not told(record := client.get(place).raise_for_status().json()):
-        assert time.monotonic() < deadline and "error" not in record, record
+        assert time.monotonic() < deadline, record
+        assert "error" not in record
         time.sleep(0.02)
     return record
 

@@ -46,9 +46,7 @@ def test_from_upload_to_as_run_residual(served: httpx.Client, small_job: SmallJo
             assert len(content) > 100
 
 
-def test_an_abort_ends_the_run_and_says_so(
-    served: httpx.Client, small_job: SmallJob, tmp_path: Path
-) -> None:
+def test_an_abort_ends_the_run_and_says_so(served: httpx.Client, small_job: SmallJob, tmp_path: Path) -> None:
     surface = served.post("/v1/maps", params={"format": "npz"}, content=small_job.map.read_bytes()).json()
     weak = TIF.replace("peak_nm_s=4", "peak_nm_s=0.01")  # hours of beam time: the run is surely under way
     influence = served.post("/v1/influences", params={"formula": weak}).json()
