@@ -45,8 +45,8 @@ def run(name: str) -> dict[str, Any]:
     if unknown:
         raise KeyError(f"benchmark {name}: targets without a metric: {', '.join(unknown)}")
     passed = all(meets(metrics[metric], target) for metric, target in targets.items())
-    peers = {"peers": outcome["peers"]} if "peers" in outcome else {}
-    return result | {"metrics": metrics, "targets": targets, "passed": passed} | peers
+    more = {key: outcome[key] for key in ("peers", "tables") if key in outcome}
+    return result | {"metrics": metrics, "targets": targets, "passed": passed} | more
 
 
 def meets(value: float, target: dict[str, float]) -> bool:

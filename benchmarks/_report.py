@@ -31,7 +31,7 @@ def store(result: dict[str, Any]) -> Path:
 
 
 def table(results: list[dict[str, Any]]) -> str:
-    """Return a Markdown table with one row per metric, and the machines below it."""
+    """Return a Markdown table with one row per metric, the machines below it, and the tables of single benchmarks."""
     lines = ["| benchmark | metric | value | target | |", "| --- | --- | ---: | ---: | --- |"]
     for result in results:
         if "absent" in result:
@@ -43,7 +43,15 @@ def table(results: list[dict[str, Any]]) -> str:
                 f"| `{result['name']}` | `{metric}` | {_number(value)} | {_bounds(target)} | {verdict} |"
             )
     machines = sorted({_machine(result["machine"]) for result in results})
-    return "\n".join([*lines, "", *(f"Measured on: {machine}." for machine in machines), ""])
+    lines += ["", *(f"Measured on: {machine}." for machine in machines), ""]
+    for result in results:
+        for own in result.get("tables", []):
+            lines += [f"`{result['name']}`:", "", *_rows(own["columns"], own["rows"]), ""]
+    return "\n".join(lines)
+
+
+def _rows(columns: list[str], rows: list[list[str]]) -> list[str]:
+    return [f"| {' | '.join(cells)} |" for cells in (columns, ["---"] * len(columns), *rows)]
 
 
 def _number(value: float) -> str:

@@ -73,7 +73,7 @@ def test_the_report_replaces_what_stands_between_the_markers(
     machine = _harness.machine()
     _report.store(
         {"name": "a", "metrics": {"t_s": 0.12345, "n": 7}, "targets": {"t_s": {"max": 0.1}}, "passed": False}
-        | {"machine": machine}
+        | {"machine": machine, "tables": [{"columns": ["path", "nm"], "rows": [["maze", "0.3"]]}]}
     )
     _report.store(
         {"name": "b", "metrics": {}, "targets": {}, "passed": None, "machine": machine, "absent": "no data"}
@@ -85,4 +85,5 @@ def test_the_report_replaces_what_stands_between_the_markers(
     assert "old" not in text
     assert "| `a` | `t_s` | 0.1235 | ≤ 0.1 | **missed** |" in text
     assert "| `a` | `n` | 7 |  |  |" in text
+    assert "`a`:\n\n| path | nm |\n| --- | --- |\n| maze | 0.3 |\n" in text
     assert "| `b` | | | | absent: no data |" in text
