@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from benchmarks.kill_recovery import Machine, Verdict, small_plan, try_out
 from ibfctl.planning.file import write_plan
-from ibfctl.runs.adoption import interrupt_orphans
+from ibfctl.runs.adoption import has_worker
 from ibfctl.runs.emulator import emulated_controller
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.records import as_run_of
-from ibfctl.runs.recovery import recover, resume
+from ibfctl.runs.recovery import resume
 from ibfctl.runs.run_file import read_as_run
 from ibfctl.runs.status import read
 from ibfctl.runs.trace import read_emulator_trace
@@ -26,6 +30,13 @@ SPEED = 30.0
 def assert_right(verdicts: list[Verdict]) -> None:
     wrong = [f"{v.trial.found}, but {v.true_samples} samples, {v.removal_error_nm} nm" for v in verdicts if not v.right]
     assert wrong == []
+
+
+def act(what: str, folder: Path) -> dict[str, Any]:
+    command = [sys.executable, "-m", "ibfctl.runs.recovery_act", what, str(folder)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=False)
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
 
 
 def test_what_a_killed_worker_has_executed_is_known_to_the_sample() -> None:
@@ -49,14 +60,16 @@ def test_a_run_that_was_killed_twice_is_resumed_to_its_end_with_the_dose_of_the_
                 time.sleep(0.005)
             time.sleep(0.3)
             worker.kill()
-        interrupt_orphans(tmp_path)
-        found = recover(first.folder)
-        assert found.seam > first.found.seam
-        assert len(found.executed) == 2
-        assert found.executed[1][0] == pytest.approx(first.found.seam, abs=2)
-        with resume(first.folder, found) as worker:
-            assert worker.wait(60) == 0, (first.folder / "worker.log").read_text()
-        assert recover(first.folder).why_not == "the plan was executed to its end"
+        told = act("resume", first.folder)
+        assert told["event"] == "finished", told
+        (_, seam), (taken_up, later_seam) = told["figures"]["executed"]
+        assert taken_up == pytest.approx(seam, abs=2)
+        assert later_seam > seam == first.found.seam
+        while has_worker(first.folder):
+            time.sleep(0.01)
+        told = act("recover", first.folder)
+        assert told["figures"]["why_not"] == "the plan was executed to its end", told
+        assert act("resume", first.folder)["event"] == "failed"
     assert plan.prediction is not None
     mask = plan.prediction.clear_aperture
     true = as_run_of(plan, read_emulator_trace(tmp_path / "trace.h5", plan.machine))
