@@ -105,7 +105,7 @@ def test_a_maze_and_a_limit_on_time_may_be_asked_for(
     assert plain["rounds"] == []
 
 
-@pytest.mark.parametrize("form", ["csv", "pvt.csv", "pvt.dmc"])
+@pytest.mark.parametrize("form", ["csv", "pvt.csv", "pvt.dmc", "gcode"])
 def test_export_writes_beside_the_plan(small_plan: Path, form: str) -> None:
     assert run(["export", str(small_plan), "--format", form]) == 0
     assert small_plan.with_suffix(f".{form}").read_text().count("\n") > 50

@@ -9,12 +9,14 @@ import click
 
 from ibfctl.cli.output import check_writable
 
-_FORMATS = ("csv", "pvt.csv", "pvt.dmc")
+_FORMATS = ("csv", "pvt.csv", "pvt.dmc", "gcode")
 
 
 @click.command(name="export")
 @click.argument("source", metavar="FILE.h5", type=click.Path(path_type=Path))
-@click.option("--format", "form", type=click.Choice(_FORMATS), help="Plain CSV, or what Galil's PVT tool opens.")
+@click.option(
+    "--format", "form", type=click.Choice(_FORMATS), help="Plain CSV, what Galil's PVT tool opens, or G-code."
+)
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write; default: FILE.FORMAT.")
 @click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map to write: .datx, .h5, .npz, .xyz, .csv.")
 @click.option(
@@ -45,7 +47,7 @@ def _write_program(source: Path, form: str, output: Path) -> None:
     from ibfctl.planning.file import read_plan
     from ibfctl.report.exchange import write_exchange
 
-    write_exchange(read_plan(source).program, form, f"ibfctl plan {source.name}", output)
+    write_exchange(read_plan(source), form, f"ibfctl plan {source.name}", output)
 
 
 def _write_map(source: Path, quantity: Literal["residual", "removal"], output: Path) -> None:

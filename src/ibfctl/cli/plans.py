@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ibfctl.client import Client
     from ibfctl.client.records import Plan
 
-_FILES = ("plan.h5", "plan.csv", "plan.pvt.csv", "plan.pvt.dmc", "dwell.npz", "residual.npz")
+_FILES = ("plan.h5", "plan.csv", "plan.pvt.csv", "plan.pvt.dmc", "plan.gcode", "dwell.npz", "residual.npz")
 _FORMATS: dict[str, str] = {name.removeprefix("plan.").removesuffix(".npz"): name for name in _FILES}
 
 

@@ -1,4 +1,4 @@
-"""The program of a plan as text: plain CSV, and the forms that Galil's PVT tool opens.
+"""A plan as text: its program as plain CSV and in the forms that Galil's PVT tool opens, its path as G-code.
 
 Galil's tool opens `*.pvt.csv` (its segment table) and `*.pvt.dmc` (a controller program with explicit PV
 commands); docs/file-formats.md says what is known of them.
@@ -13,13 +13,15 @@ import numpy as np
 
 from ibfctl.files import atomic_path
 from ibfctl.machine.program import PvtProgram
+from ibfctl.planning.plan import Plan
+from ibfctl.report.gcode import gcode_lines
 
-FORMATS = ("csv", "pvt.csv", "pvt.dmc")
+FORMATS = ("csv", "pvt.csv", "pvt.dmc", "gcode")
 _BUFFER_PLACES = 255
 
 
 def exchange_lines(program: PvtProgram, form: str, title: str) -> Iterator[str]:
-    """Yield the lines of a program in one of `FORMATS`; `title` is for the form that has comments."""
+    """Yield the lines of a program in one of `FORMATS` but G-code; `title` is for the form that has comments."""
     if form == "csv":
         return _csv(program)
     if form == "pvt.csv":
@@ -27,10 +29,11 @@ def exchange_lines(program: PvtProgram, form: str, title: str) -> Iterator[str]:
     return _pvt_dmc(program, title)
 
 
-def write_exchange(program: PvtProgram, form: str, title: str, path: Path) -> None:
-    """Write a program in one of `FORMATS`, completely or not at all."""
+def write_exchange(plan: Plan, form: str, title: str, path: Path) -> None:
+    """Write a plan in one of `FORMATS`, completely or not at all."""
+    lines = gcode_lines(plan, title) if form == "gcode" else exchange_lines(plan.program, form, title)
     with atomic_path(path) as partial, partial.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(f"{line}\n" for line in exchange_lines(program, form, title))
+        stream.writelines(f"{line}\n" for line in lines)
 
 
 def _csv(program: PvtProgram) -> Iterator[str]:

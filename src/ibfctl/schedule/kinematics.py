@@ -34,8 +34,10 @@ class CornerTiming:
 
     Attributes
     ----------
-    corners, drive, feed_mm_s
+    corners, drive
         What was timed.
+    feed_mm_s : (n,) float64
+        Programmed feed rate of each segment.
     entry_mm_s, exit_mm_s : (n - 1,) float64
         Speed where each block begins and ends; where there is none, that at the node.
     leg_s : (n,) float64
@@ -50,7 +52,7 @@ class CornerTiming:
 
     corners: SmoothedCorners
     drive: Drive
-    feed_mm_s: float
+    feed_mm_s: FloatArray
     entry_mm_s: FloatArray
     exit_mm_s: FloatArray
     leg_s: FloatArray
@@ -64,23 +66,26 @@ class CornerTiming:
         return float(self.leg_s.sum() + self.block_s.sum())
 
 
-def time_corners(corners: SmoothedCorners, drive: Drive, feed_mm_s: float) -> CornerTiming:
-    """Time a smoothed path at a programmed feed rate, from rest to rest.
+def time_corners(corners: SmoothedCorners, drive: Drive, feed_mm_s: float | FloatArray) -> CornerTiming:
+    """Time a smoothed path at a programmed feed rate, one or (n,), from rest to rest.
 
     Raises
     ------
     InputError
-        If the feed rate is no positive number.
+        If a feed rate is no positive number.
     """
-    if not (np.isfinite(feed_mm_s) and feed_mm_s > 0):
-        raise InputError(f"feed rate is {feed_mm_s:g} mm/s, it must be positive", "correct it")
+    feed_mm_s = np.array(np.broadcast_to(feed_mm_s, (corners.path.segments,)), dtype=np.float64)
+    if not (np.isfinite(feed_mm_s) & (feed_mm_s > 0)).all():
+        raise InputError("a feed rate is no positive number", "correct it; it is in mm/s")
     lines = lines_of(corners, drive, feed_mm_s)
     rounded = np.flatnonzero(corners.transition_mm > 0)
     blocks = blocks_of(corners, drive)[rounded]
     own, limit_name = blocks.speed_limits()
-    limits = np.minimum(own, feed_mm_s)
+    # At a corner the lower of the feeds on its two sides.
+    feed = np.minimum(feed_mm_s[1:], feed_mm_s[:-1])
+    limits = np.minimum(own, feed[rounded])
     # Without a block: a stop where the path turns, no limit where it goes straight on.
-    node = np.where(corners.path.straight, feed_mm_s, 0.0)
+    node = np.where(corners.path.straight, feed, 0.0)
     node[rounded] = limits[0]
     entry, leaving = _braked(node, lines)
     limits = np.minimum(limits, leaving[rounded])
@@ -89,7 +94,7 @@ def time_corners(corners: SmoothedCorners, drive: Drive, feed_mm_s: float) -> Co
     previous = np.full(node.size, -1.0)
     while True:
         possible = np.minimum(entry, lines[:-1].reach(np.concatenate([[0.0], exit_mm_s[:-1]])))
-        changed = np.abs(possible - previous) > _SETTLED * feed_mm_s
+        changed = np.abs(possible - previous) > _SETTLED * feed_mm_s.max()
         if not changed.any():
             break
         previous = np.where(changed, possible, previous)
@@ -98,7 +103,7 @@ def time_corners(corners: SmoothedCorners, drive: Drive, feed_mm_s: float) -> Co
         nodes = rounded[again]
         block_s[nodes], exit_mm_s[nodes] = traverse(blocks[again], previous[nodes], limits[:, again])
     binding = np.full(node.size, CORNER_LIMITS.index("no block"))
-    binding[rounded] = np.where(own[0] < feed_mm_s, limit_name, CORNER_LIMITS.index("feed"))
+    binding[rounded] = np.where(own[0] < feed[rounded], limit_name, CORNER_LIMITS.index("feed"))
     held_back = previous < node * (1 - _SLACK)
     binding[rounded] = np.where(held_back[rounded], CORNER_LIMITS.index("leg"), binding[rounded])
     leg_s = lines.time_s(np.concatenate([[0.0], exit_mm_s]), np.concatenate([previous, [0.0]]))
@@ -111,7 +116,7 @@ def blocks_of(corners: SmoothedCorners, drive: Drive) -> Blocks:
     return Blocks(line, square, cubic, drive)
 
 
-def lines_of(corners: SmoothedCorners, drive: Drive, feed_mm_s: float) -> Lines:
+def lines_of(corners: SmoothedCorners, drive: Drive, feed_mm_s: FloatArray) -> Lines:
     """Legs of all segments, with the limits of the axes along each."""
     move = np.abs(np.stack([np.diff(corners.path.x_mm), np.diff(corners.path.y_mm)]))
     length = corners.path.length_mm

@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ibfctl.errors import InputError
+from ibfctl.machine.description import MachineDescription
 
 FloatArray = NDArray[np.float64]
 Pair = tuple[float, float]
+
+# Of the drive of Table 2: time to its acceleration, and jerk in a transition relative to that on a line.
+_RISE_S, _TRANSITION_SHARE = 1 / 15, 2 / 3
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,18 @@ class Drive:
     def tangential_mm_s3(self) -> FloatArray:
         """Jerk along the path, (2, 1) (Eq. 15)."""
         return _column(self.transition_j_max_mm_s3, 1 - self.radial_jerk_share)
+
+
+def drive_of(machine: MachineDescription) -> Drive:
+    """Return the drive of a machine file; where it has no limit of the jerk, one that fits its acceleration."""
+    x, y = machine.axis_of("x"), machine.axis_of("y")
+    jerk = tuple(axis.j_max_mm_s3 or axis.a_max_mm_s2 / _RISE_S for axis in (x, y))
+    return Drive(
+        (x.v_max_mm_s, y.v_max_mm_s),
+        (x.a_max_mm_s2, y.a_max_mm_s2),
+        (jerk[0], jerk[1]),
+        (_TRANSITION_SHARE * jerk[0], _TRANSITION_SHARE * jerk[1]),
+    )
 
 
 def _column(pair: Pair, share: float) -> FloatArray:

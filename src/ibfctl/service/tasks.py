@@ -145,7 +145,7 @@ def plan_files_of(arguments: Arguments) -> Arguments:
     folder = Path(arguments["folder"])
     made = read_plan(Path(arguments["plan"]))
     for form in FORMATS:
-        write_exchange(made.program, form, f"ibfctl plan {folder.name}", folder / f"plan.{form}")
+        write_exchange(made, form, f"ibfctl plan {folder.name}", folder / f"plan.{form}")
     save_npz(folder / "dwell.npz", **dataclasses.asdict(made.dwell))
     if made.prediction is not None and made.surface is not None:
         save_npz(

@@ -35,6 +35,7 @@ PlanFile = Literal[
     "plan.csv",
     "plan.pvt.csv",
     "plan.pvt.dmc",
+    "plan.gcode",
     "dwell.npz",
     "residual.npz",
     "map.png",
