@@ -17,7 +17,7 @@ ABORTS = 200
 LATENCY_S = 0.05
 GAP_S = 0.02
 STREAM_HANDLE = 0
-COUNTS = b" 0 0 255 255 30 30 0\r\n:"
+IDLE = {b"_PV": b"255", b"_SC": b"30"}
 
 
 class _Wire:
@@ -58,7 +58,10 @@ class _Wire:
     def _answer(command: bytes) -> bytes:
         if command == b"TC1":
             return b" 0\r\n:"
-        return COUNTS if command.startswith(b"MG") else b":"
+        if not command.startswith(b"MG"):
+            return b":"
+        values = (IDLE.get(name[:3], b"0") for name in command[3:].split(b","))
+        return b" " + b" ".join(values) + b"\r\n:"
 
 
 def run() -> dict[str, Any]:

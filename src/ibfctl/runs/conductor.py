@@ -16,7 +16,7 @@ from ibfctl.planning.along import residual_along
 from ibfctl.planning.plan import Plan
 from ibfctl.runs.as_run import duration_of, trace_of
 from ibfctl.runs.checks import ALONE, PreflightCheck, preflight
-from ibfctl.runs.counts import EMERGENCY
+from ibfctl.runs.counts import EMERGENCY, HINTS
 from ibfctl.runs.interlocks import Interlocks
 from ibfctl.runs.leg import Leg, LegEnd, LegOutcome, end_of
 from ibfctl.runs.motion import execute_leg
@@ -196,7 +196,8 @@ class _Run:
             self.rig.sentinel.check()
             for letter, axis in self.rig.controller.status().items():
                 if axis.stop_code in EMERGENCY:
-                    raise EstoppedError(f"emergency stop while paused: axis {letter}, code {axis.stop_code}")
+                    hint = HINTS[axis.stop_code]
+                    raise EstoppedError(f"emergency stop while paused: axis {letter}, code {axis.stop_code}", hint)
                 if not axis.motor_on:
                     raise ControllerError(f"axis {letter} lost its servo while paused", "home the machine, then resume")
             self._report("progress", {"interlocks": dict(self.interlocks.values)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -15,6 +16,8 @@ from ibfctl.runs.rig import Rig
 from ibfctl.runs.states import RunState
 
 HOLD_S = 0.1
+
+_log = logging.getLogger(__name__)
 
 
 def execute_leg(
@@ -41,6 +44,11 @@ def execute_leg(
     -------
     LegOutcome
         Also where the leg failed once the axes had begun to move, or on the way there; its `error` says so.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        And whatever else is no error; the gate is closed and the axes are at rest all the same.
     """
     work = _Work(leg, rig, on_progress, on_state)
     try:
@@ -48,11 +56,11 @@ def execute_leg(
     except BaseException as error:
         rig.sentinel.relax()
         trouble = rig.make_safe()
+        if not isinstance(error, Exception):
+            raise
         told = rig.sentinel.error() or work.explained(error)
         if trouble:
             told = RunError(f"{told}; {trouble}", "switch the beam off by hand now")
-        if not isinstance(told, IbfctlError):
-            raise
         if told is not error:
             told.__cause__ = error
         return work.outcome(end_of(told), told, {}, {})
@@ -122,9 +130,12 @@ class _Work:
             polls=polls,
         )
 
-    def explained(self, error: BaseException) -> BaseException:
-        """Say how far the leg had come when the controller failed it."""
-        if not self._began or not isinstance(error, IbfctlError) or end_of(error) is not LegEnd.FAULTED:
+    def explained(self, error: Exception) -> IbfctlError:
+        """Say how far the leg had come when the controller, or this program, failed it."""
+        if not isinstance(error, IbfctlError):
+            _log.error("a leg failed", exc_info=error)
+            error = RunError(f"the program failed: {error!r}", "this is a defect: keep the log and report it")
+        if not self._began or end_of(error) is not LegEnd.FAULTED:
             return error
         done = f"run ended after {self._feeder.ledger.executed} of {len(self._leg.program)} segments"
         return RunError(f"{done}: {error.message}", error.hint)

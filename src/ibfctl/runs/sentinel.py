@@ -15,6 +15,7 @@ from ibfctl.machine.controller import MotionController
 from ibfctl.runs.requests import Requests, When
 
 TICK_S = 0.02
+WHAT_IS_LEFT = "plan what is left from the run file, or measure the part"
 
 _log = logging.getLogger(__name__)
 
@@ -77,9 +78,9 @@ class Sentinel:
                 "it stays latched until the controller was switched off and on and homed",
             )
         if self._requests.abort.is_set():
-            return AbortedError("run aborted on request; the beam gate is closed")
+            return AbortedError("run aborted on request; the beam gate is closed", WHAT_IS_LEFT)
         if self._requests.stop_wanted:
-            return StoppedError("run stopped on request; the beam gate is closed")
+            return StoppedError("run stopped on request; the beam gate is closed", WHAT_IS_LEFT)
         if self._missed is not None:
             return RunError(
                 f"{self._missed}; the beam gate was closed first",

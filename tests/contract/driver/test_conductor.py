@@ -14,6 +14,7 @@ from ibfctl_simulator.galil.clock import ScaledClock
 from ibfctl_simulator.galil.controller import Controller
 from ibfctl_simulator.galil.inprocess import EmulatorServer
 from ibfctl_simulator.galil.settings import Settings
+from ibfctl_simulator.galil.trace import TraceWriter
 from support.plans import plan_of
 from support.programs import connected, machine, program
 from support.small_job import small_height_nm
@@ -300,3 +301,64 @@ def test_an_interrupted_run_is_taken_up_at_its_seam() -> None:
             )
     assert rest.state is RunState.COMPLETED
     assert abs(rest.executed_plan_samples[0][0] - seam) <= 1
+
+
+def test_what_was_executed_is_known_though_the_program_fails() -> None:
+    def fail() -> None:
+        raise ZeroDivisionError("a defect")
+
+    with emulator() as server:
+        result = run_on(server, Requests(), Listener(0.2, fail))
+        assert not gate_is_open(server)
+    assert result.state is RunState.FAULTED
+    assert "a defect" in str(result.error)
+    assert result.uncertainty_samples == 0
+    assert result.executed_plan_samples[0][1] > 0.2 * program(700).time_samples.sum()
+
+
+def test_what_was_executed_is_bounded_where_the_controller_no_longer_answers(tmp_path: Path) -> None:
+    trace = TraceWriter(tmp_path / "trace.h5", "AB", 1 / 1024)
+    controller = Controller(Settings(axes=2), trace)
+    with EmulatorServer(controller, ScaledClock(SPEED)) as server:
+        listener = Listener(0.1, lambda: server.fault("half-open"))
+        bench = bench_of(server)
+        connection = bench.connection.model_copy(update={"timeout_s": 0.3})
+        result = run_on(server, Requests(), listener, connection=connection)
+        server.call(lambda: controller.advance(100 * 1024))
+    trace.close()
+    exposed = int(read_emulator_trace(tmp_path / "trace.h5", machine()).gate_open.sum())
+    ((opened, closed),) = result.executed_plan_samples
+    assert result.state is RunState.FAULTED
+    assert "switch the beam off by hand" in str(result.error)
+    assert result.uncertainty_samples > 0
+    assert closed - opened <= exposed <= closed - opened + result.uncertainty_samples
+
+
+@pytest.mark.parametrize("while_paused", [True, False])
+def test_an_emergency_stop_of_the_machine_ends_the_run_as_one(while_paused: bool) -> None:
+    requests = Requests()
+    with emulator() as server:
+        act = (lambda: requests.pause(When.NOW)) if while_paused else (lambda: server.fault("e-stop"))
+        listener = Listener(0.2, act)
+
+        def strike() -> None:
+            assert listener.paused.wait(60)
+            server.fault("e-stop")
+
+        striking = threading.Thread(target=strike)
+        striking.start()
+        result = run_on(server, requests, listener)
+        striking.join()
+        assert not gate_is_open(server)
+    assert result.state is RunState.ESTOPPED
+    assert result.error is not None
+    assert result.error.hint
+
+
+def test_a_time_base_that_was_wrong_shows_in_the_duration() -> None:
+    with emulator() as server:
+        listener = Listener(0.05, lambda: server.fault("sample-time scale=1.02"))
+        result = run_on(server, Requests(), listener)
+    assert result.state is RunState.COMPLETED
+    assert result.duration.as_run_s > 1.01 * result.duration.planned_s
+    assert [fault["code"] for fault in listener.of("fault")] == ["time_base"]
