@@ -26,6 +26,12 @@ class PolygonalAperture(_Body):
     polygon: Annotated[list[tuple[Finite, Finite]], Field(min_length=3, max_length=10_000, description="Corners x, y.")]
 
 
+class MaskedAperture(_Body):
+    """A mask: where an uploaded map on the same pixels holds data."""
+
+    mask_id: Annotated[str, Field(description="Id of that map.")]
+
+
 class GivenPlacement(_Body):
     """Part to machine: x reversed where mirrored, then rotation, then offset."""
 
@@ -45,5 +51,5 @@ class FiducialPlacement(_Body):
     limit_mm: Annotated[Positive, Field(description="Largest error of a fiducial.")] = 0.05
 
 
-Aperture = tuple[Finite, Finite, Finite, Finite] | CircularAperture | PolygonalAperture
+Aperture = tuple[Finite, Finite, Finite, Finite] | CircularAperture | PolygonalAperture | MaskedAperture
 Placing = GivenPlacement | FiducialPlacement

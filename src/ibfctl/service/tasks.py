@@ -69,7 +69,7 @@ def plan(arguments: Arguments) -> Arguments:
 
     os.nice(_NICENESS)
     options = dict(arguments["options"])
-    options["clear_aperture"] = _region(options["clear_aperture"])
+    options["clear_aperture"] = _region(options["clear_aperture"], Path(arguments["output"]).parent)
     options["placement"] = _placement(options["placement"])
     options["aim"] = Aim(**options["aim"])
     made = plan_files(
@@ -84,16 +84,20 @@ def plan(arguments: Arguments) -> Arguments:
     return made.summary()
 
 
-def _region(given: Any) -> Any:
-    """Make a region from x0, x1, y0, y1, from {"circle": [x, y, radius]} or from {"polygon": [[x, y], ...]}."""
+def _region(given: Any, folder: Path) -> Any:
+    """Make a region of x0, x1, y0, y1, a circle, a polygon, or the map of a mask, which is kept in `folder`."""
     from ibfctl.surface.map import Rectangle
-    from ibfctl.surface.regions import Circle, Polygon
+    from ibfctl.surface.regions import Circle, MaskFile, Polygon
 
     match given:
         case {"circle": circle}:
             return Circle(*circle)
         case {"polygon": points_mm}:
             return Polygon(tuple((x_mm, y_mm) for x_mm, y_mm in points_mm))
+        case {"mask": surface}:
+            path = folder / "mask.npy"
+            np.save(path, np.isfinite(MapFile(**surface).read().height_nm))
+            return MaskFile(path)
         case None:
             return None
     return Rectangle(*given)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.models import Page, PlanRecord
-from ibfctl.service.part import Aperture, Placing, Positive
+from ibfctl.service.part import Aperture, MaskedAperture, Placing, Positive
 from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.requests import (
     After,
@@ -64,7 +64,7 @@ class PlanRequest(BaseModel):
     scan_axis: Literal["x", "y"] = "x"
     clear_aperture_mm: Annotated[
         Aperture | None,
-        Field(description="x0, x1, y0, y1, or a circle or a polygon; default: the whole map."),
+        Field(description="x0, x1, y0, y1, or a circle, a polygon or a mask; default: the whole map."),
     ] = None
     remove: Annotated[
         str, Field(pattern=r"^(none|piston|tilt|power|legendre:[0-8]|zernike:([1-9]|[123]\d|4[0-5]))$")
@@ -177,6 +177,9 @@ def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     aim = {"margin", "max_time_s", "max_residual_nm"}
     options = request.model_dump(exclude={"map_id", "influence_id", "machine_id", *aim})
     aperture = options.pop("clear_aperture_mm")
+    if isinstance(request.clear_aperture_mm, MaskedAperture):
+        mask = service.maps.read(request.clear_aperture_mm.mask_id)
+        aperture = {"mask": {"path": service.upload_of(service.maps, mask["id"]), **mask["given"]}}
     tool = influence.get("formula") or service.upload_of(service.influences, influence["id"])
     return {
         "map": {"path": service.upload_of(service.maps, surface["id"]), **surface["given"]},
