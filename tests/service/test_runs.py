@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import os
+import signal
 import time
 from collections.abc import Callable
 from typing import Any
@@ -112,6 +114,25 @@ def test_a_run_is_paused_and_resumed_and_leaves_what_was_planned(plan_id: str, s
     assert run["state"] == "completed", run
     assert run["figures"]["as_run_rms_nm"] == pytest.approx(plan["summary"]["executed_rms_nm"], abs=0.05)
     assert {"run.h5", "residual.npz", "residuals.png"} <= set(run["links"])
+
+
+def test_a_run_whose_worker_was_killed_is_made_safe_and_resumed(plan_id: str, settings: Settings) -> None:
+    with serving(dataclasses.replace(settings, speed=2.0)) as client:
+        place = _started(client, plan_id)
+        moving = _until(client, place, lambda record: record.get("status", {}).get("progress", 0) > 0.1)
+        os.kill(moving["status"]["worker_pid"], signal.SIGKILL)
+        run = ended(client, place)
+        assert (run["state"], run["error"]["code"]) == ("interrupted", "interrupted")
+        while "recovered" not in (run := client.get(place).json()):
+            time.sleep(0.05)
+        assert run["recovered"]["can_resume"], run["recovered"]
+        assert run["recovered"]["executed"]
+        answer = client.post(f"{place}/resume")
+        assert answer.status_code == 202, answer.text
+        assert answer.json()["state"] == "resuming"
+        _until(client, place, lambda record: record["state"] == "running")
+        client.post(f"{place}/abort")
+        assert ended(client, place)["state"] == "aborted"
 
 
 def test_a_slow_listener_holds_nobody_up(settings: Settings, plan_id: str) -> None:

@@ -129,6 +129,7 @@ class Run(Resource):
     operator: str
     status: NotRequired[RunStatus]
     figures: NotRequired[dict[str, Any]]
+    recovered: NotRequired[dict[str, Any]]
     error: NotRequired[Problem]
 
 

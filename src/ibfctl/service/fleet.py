@@ -25,7 +25,7 @@ from ibfctl.runs.places import RUN, run_folder
 from ibfctl.runs.states import TERMINAL, RunState
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.events import UNSHOWN, Events
-from ibfctl.service.problems import problem
+from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.store import Collection
 
 TICK_S = 0.1
@@ -82,9 +82,13 @@ class Fleet:
 
     def state(self, run: str) -> RunState:
         """Return the state of a run as it is known now; one that is over is finishing until its figures are there."""
-        told = self.status(run)
-        state = RunState(told["state"] if told else self._runs.read(run)["state"])
-        return RunState.FINISHING if told and state is RunState.COMPLETED else state
+        living = self._living.get(run)
+        if living is None or not living.status:
+            return RunState(self._runs.read(run)["state"])
+        state = RunState(living.status["state"])
+        if state is RunState.INTERRUPTED and not living.closing:
+            return RunState.RESUMING  # that was the worker before
+        return RunState.FINISHING if state is RunState.COMPLETED else state
 
     async def adopt(self) -> None:
         """Find the workers that live, and close the books of runs whose workers died unseen."""
@@ -98,6 +102,21 @@ class Fleet:
         """Start the worker of a new run."""
         folder = await asyncio.to_thread(prepare, self._data, job, plan, machine)
         self._living[job.run] = _Living(folder, await asyncio.to_thread(start_worker, folder))
+
+    async def resume(self, run: str) -> None:
+        """Go on with an interrupted run, by a new worker.
+
+        Raises
+        ------
+        ServiceError
+            If it cannot be resumed, or the machine cannot be asked.
+        """
+        folder = run_folder(self._data, run)
+        event = await _task("resume-run", {"folder": str(folder)})
+        if event["event"] == "failed":
+            raise ServiceError(409, event["message"], event["hint"], event["code"])
+        self._runs.update(run, state=RunState.RESUMING, recovered=event["figures"])
+        self._living[run] = _Living(folder)
 
     def act(self, run: str, act: Mapping[str, Any]) -> None:
         """Hand an act to the worker of a run.
@@ -150,12 +169,12 @@ class Fleet:
         if state is RunState.QUEUED:  # its worker has died before it could begin
             state = RunState.INTERRUPTED
             self._journal.append(run, "state", {"state": state, "reason": REASON})
-        told = status.read(folder)
-        changes: dict[str, Any] = {"state": state, "status": told, "error": error_of(state, told)}
-        report = folder / RUN
-        if report.is_file():
-            child = await Child.start(TASKS, ["run-report"], {"run": str(report)})
-            event = await child.last_event(lambda progress: None)
+        changes: dict[str, Any] = {"state": state, "status": status.read(folder)}
+        if state is RunState.INTERRUPTED:  # whatever else: the gate must be closed
+            event = await _task("recover-run", {"folder": str(folder)})
+            changes["recovered"] = event.get("figures") or {"can_resume": False, "why_not": event["message"]}
+        if (folder / RUN).is_file():
+            event = await _task("run-report", {"run": str(folder / RUN)})
             if event["event"] == "finished":
                 changes["figures"] = event["figures"]
         self._runs.update(run, **changes)
@@ -163,6 +182,11 @@ class Fleet:
         self._events.forget(run)
         if process is not None:
             await asyncio.to_thread(process.wait)
+
+
+async def _task(name: str, arguments: dict[str, Any]) -> dict[str, Any]:
+    child = await Child.start(TASKS, [name], arguments)
+    return await child.last_event(lambda progress: None)
 
 
 def error_of(state: RunState, told: Mapping[str, Any] | None) -> dict[str, Any] | None:

@@ -175,6 +175,19 @@ class RunFigures(BaseModel):
     max_difference_nm: Annotated[float | None, Field(description="As-run against executed removal, largest.")] = None
 
 
+class Recovered(BaseModel):
+    """What is known of an interrupted run, by the controller's own stamps or by what its worker told last."""
+
+    model_config = ConfigDict(extra="allow")
+
+    can_resume: bool
+    why_not: str = ""
+    hint: str = ""
+    executed: Annotated[list[tuple[int, int]], Field(description="Parts executed with the gate open, samples.")] = []
+    uncertainty_samples: Annotated[int, Field(description="How much later the last part may have ended.")] = 0
+    seam: Annotated[int | None, Field(description="Where it would go on, samples of the plan.")] = None
+
+
 class RunRecord(Resource):
     """A run: `status` while its worker lives, then `figures` or `error`."""
 
@@ -184,6 +197,7 @@ class RunRecord(Resource):
     operator: str
     status: RunStatus | None = None
     figures: RunFigures | None = None
+    recovered: Recovered | None = None
     error: Problem | None = None
 
 

@@ -132,6 +132,23 @@ def run_report(arguments: Arguments) -> Arguments:
     }
 
 
+def recover_run(arguments: Arguments) -> Arguments:
+    """Make the machine of an interrupted run safe, and find out what was executed of it."""
+    from ibfctl.runs.recovery import recover
+
+    return dataclasses.asdict(recover(Path(arguments["folder"])))
+
+
+def resume_run(arguments: Arguments) -> Arguments:
+    """Recover an interrupted run, and start a worker that goes on at the seam."""
+    from ibfctl.runs.launch import let_go
+    from ibfctl.runs.recovery import recover, resume
+
+    found = recover(Path(arguments["folder"]))
+    let_go(resume(Path(arguments["folder"]), found))
+    return dataclasses.asdict(found)
+
+
 def preview_map(arguments: Arguments) -> Arguments:
     """Draw a map."""
     from ibfctl.report.pictures import draw_map
@@ -190,6 +207,8 @@ TASKS: dict[str, Callable[[Arguments], Arguments]] = {
     "inspect-influence": inspect_influence,
     "plan": plan,
     "run-report": run_report,
+    "recover-run": recover_run,
+    "resume-run": resume_run,
     "preview-map": preview_map,
     "plan-files": plan_files_of,
     "run-files": run_files_of,

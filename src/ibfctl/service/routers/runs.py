@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Response
@@ -115,7 +116,13 @@ async def pause_run(
 
 @router.post("/{identity}/resume", **_ACT)
 async def resume_run(identity: Identity, service: Service, asking: Asking) -> Record:
-    """Go on where a pause has stopped; the gate opens at the same place of the path, at speed."""
+    """Go on where a pause or an interruption has stopped; the gate opens at the same place of the path, at speed."""
+    record = service.runs.read(identity)
+    if service.fleet.state(identity) is RunState.INTERRUPTED:
+        async with service.starting_run:
+            _refuse_if_busy(service, service.plans.read(record["plan_id"]))
+            await service.fleet.resume(identity)
+        return _shown(service, service.runs.read(identity))
     return _pass_on(service, identity, asking, {"act": "resume"})
 
 
@@ -178,8 +185,8 @@ def _shown(service: State, record: Record) -> Record:
     identity = record["id"]
     state = service.fleet.state(identity)
     told = service.fleet.status(identity) or record.get("status")
-    shown = {"error": error_of(state, told), **linked(service.runs, record, _FILES if "figures" in record else ())}
-    return {**shown, "state": state, "status": told}
+    shown = linked(service.runs, record, _FILES if "figures" in record else ())
+    return {**shown, "state": state, "status": told, "error": error_of(state, told)}
 
 
 def _pass_on(service: State, identity: str, asking: Holder, act: dict[str, Any]) -> Record:
@@ -201,14 +208,7 @@ async def _start(request: RunRequest, service: State, asking: Holder) -> Record:
     plan = service.plans.read(request.plan_id)
     if plan["state"] != "done":
         raise ServiceError(409, f"plans/{request.plan_id}: is not done", "wait until its state is done")
-    machine = machine_of(service, plan["request"]["machine_id"])
-    busy = [
-        run for run in service.fleet.living if service.settings.simulate or _machine_of_run(service, run) == machine
-    ]
-    if service.desk.busy:
-        raise ServiceError(409, "machine: an act is under way", "wait for its end or abort it")
-    if busy:
-        raise ServiceError(409, f"runs/{', '.join(busy)}: is under way", "wait for its end or abort it")
+    machine = _refuse_if_busy(service, plan)
     identity = service.runs.create()
     emulated = service.emulator.controller if service.emulator is not None else None
     operator = request.operator or asking.name
@@ -230,6 +230,18 @@ async def _start(request: RunRequest, service: State, asking: Holder) -> Record:
     return written
 
 
-def _machine_of_run(service: State, run: str) -> object:
+def _refuse_if_busy(service: State, plan: Record) -> Path:
+    """Return the machine file of a plan, unless something moves on that machine."""
+    machine = machine_of(service, plan["request"]["machine_id"])
+    living = service.fleet.living
+    busy = [run for run in living if service.settings.simulate or _machine_of_run(service, run) == machine]
+    if busy:
+        raise ServiceError(409, f"runs/{', '.join(busy)}: is under way", "wait for its end or abort it")
+    if service.desk.busy:
+        raise ServiceError(409, "machine: an act is under way", "wait for its end or abort it")
+    return machine
+
+
+def _machine_of_run(service: State, run: str) -> Path:
     plan = service.plans.read(service.runs.read(run)["plan_id"])
     return machine_of(service, plan["request"]["machine_id"])
