@@ -41,10 +41,13 @@ class DetachedEmulator:
         self.adopted = process is None
 
     @classmethod
-    def start_or_adopt(cls, data: Path, *, speed: float = 1.0, axes: int = 2) -> DetachedEmulator:
+    def start_or_adopt(
+        cls, data: Path, *, speed: float = 1.0, axes: int = 2, trace: Path | None = None
+    ) -> DetachedEmulator:
         """Return the emulated controller of a data folder: the one that lives, or a new one.
 
-        One that lives with another speed is ended and replaced, unless a run or an act holds it.
+        One that lives with another speed is ended and replaced, unless a run or an act holds it. A new one writes
+        what it executes to `trace`, if that is wanted; the file grows as long as it lives.
 
         Raises
         ------
@@ -57,7 +60,7 @@ class DetachedEmulator:
             if present.time_scale == speed or adopted.in_use:
                 return adopted
             adopted.end()
-        return cls(data, *_start(data, speed, axes))
+        return cls(data, *_start(data, speed, axes, trace))
 
     @property
     def in_use(self) -> bool:
@@ -109,15 +112,20 @@ def _told(data: Path) -> dict[str, Any]:
     return told
 
 
-def _start(data: Path, speed: float, axes: int) -> tuple[EmulatedController, subprocess.Popen[bytes]]:
+def _start(
+    data: Path, speed: float, axes: int, trace: Path | None
+) -> tuple[EmulatedController, subprocess.Popen[bytes]]:
     lock = take(data / EMULATOR_LOCK, f"emulated controller started by process {os.getpid()}")
     if lock is None:
         raise ControllerError("an emulated controller is being started already", "try again")
+    command = [sys.executable, "-m", "ibfctl_simulator", "--port", "0", "--axes", str(axes), "--speed", f"{speed:g}"]
+    if trace is not None:
+        command += ["--trace", str(trace)]
     try:
         (data / EMULATOR).unlink(missing_ok=True)
         with (data / EMULATOR_LOG).open("wb") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "ibfctl_simulator", "--port", "0", "--axes", str(axes), "--speed", f"{speed:g}"],
+                command,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
