@@ -99,12 +99,13 @@ def schedule(
     asked = needed = even_samples(dwell_s, machine.sample_period_s)
     at_rest = np.zeros(path.segments, dtype=bool)
     known: Known | None = None
+    enough = False
     for share in _SHARES:
         counted = counted_path(path, needed, machine, at_rest)
         needed = _per_segment(counted, counted.time_samples, path)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
         tasks = axis_tasks(counted, machine, at_rest)
-        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=share >= 1, known=known)
+        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=enough or share >= 1, known=known)
         if not solution.excess.any():
             break
         known = Known(tasks, time_s, solution)
@@ -112,6 +113,7 @@ def schedule(
         if share > 1:
             at_rest[counted.source_segment[broken]] = True
         longer = _longer(tasks, counted.time_samples, broken, machine.sample_period_s, min(share, 1.0))
+        enough = np.array_equal(longer, counted.time_samples)
         needed = _per_segment(counted, longer, path)
     else:
         raise SolverError(

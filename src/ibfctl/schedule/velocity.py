@@ -111,8 +111,8 @@ def solve_velocities(
         left = limit_excess(tasks, answer, time_s, corridor_mm)
         if left.sum() < excess.sum():
             velocities, excess = answer, left
-    if excess.any() and last_resort:
-        velocities, excess = _rest_where_broken(tasks, time_s, corridor_mm, velocities, excess)
+        if last_resort:
+            velocities, excess = _rest_where_broken(tasks, time_s, corridor_mm, velocities, excess)
     if excess.any() and last_resort:
         segments = stretches(tasks, excess > 0)
         chords = chord_velocities((tasks[0][segments], tasks[1][segments]), time_s[segments])
