@@ -53,7 +53,7 @@ def test_the_order_of_section_4_on_fine_pixels() -> None:
 
 def test_mto_leaves_slightly_more_than_sto_in_less_time() -> None:
     # Section 5.1: the same residual but for 0.4 nm, in a shorter time.
-    surface = EXPERIMENT.surface(0.5)
+    surface = EXPERIMENT.surface(1.0)
     mto, sto = (EXPERIMENT.plan(surface, method) for method in ("mto", "sto"))  # type: ignore[arg-type]
     assert _ideal_nm(sto) < _ideal_nm(mto) < _ideal_nm(sto) + 0.4
     assert mto.beam_time_s < 0.9 * sto.beam_time_s
@@ -61,7 +61,7 @@ def test_mto_leaves_slightly_more_than_sto_in_less_time() -> None:
 
 def test_the_limit_on_speed_costs_residual_and_the_loop_recovers_some() -> None:
     # Section 5: 6.9 nm with the limit, 2.1 nm without.
-    surface = EXPERIMENT.surface(0.5)
+    surface = EXPERIMENT.surface(1.0)
     limited, free = (EXPERIMENT.plan(surface, "mto", limited=limits) for limits in (True, False))
     assert _ideal_nm(limited) > 1.5 * _ideal_nm(free)
     plain, ours = (EXPERIMENT.plan(surface, "ours", loop=loop) for loop in (False, True))

@@ -27,7 +27,7 @@ def surface() -> SurfaceMap:
 def tools(aim: Aim) -> list[Tool]:
     return [
         Tool(gaussian(fwhm_mm, 12.0, 1.2 * fwhm_mm, 0.25), MACHINE, PlanOptions(pitch_mm=pitch_mm, aim=aim))
-        for fwhm_mm, pitch_mm in ((1.6, 0.8), (4.0, 2.0))
+        for fwhm_mm, pitch_mm in ((2.0, 1.0), (4.0, 2.0))
     ]
 
 
