@@ -8,7 +8,7 @@ import h5py
 import pytest
 
 from ibfctl.cli.main import run
-from ibfctl.planning.file import read_plans
+from ibfctl.planning.file import read_plans, read_sequence
 from tests.support.small_job import SmallJob
 
 NARROW = "gaussian:fwhm_mm=1.6,peak_nm_s=4,radius_mm=2"
@@ -120,3 +120,33 @@ def test_subsets_of_tools_are_compared(small_job: SmallJob, capsys: pytest.Captu
     assert sum(row.endswith("chosen") for row in rows) == 1
     assert "exclude" in _refusal([*suggest, "--margin", "0.1", "--seconds-per-nm", "100"], capsys)
     assert "Missing argument" in _refusal(["tools", "suggest", str(small_job.map)], capsys)
+
+
+def test_a_plan_is_taken_apart_and_its_later_tools_planned_anew(
+    small_job: SmallJob, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tools = ("--tool", f"{NARROW}:pitch-mm=1", "--tool", f"{WIDE}:pitch-mm=2")
+    assert run(_plan(small_job, *tools, "--no-loop")) == 0
+    whole, first = small_job.folder / "plan.h5", small_job.folder / "plan.tool1.h5"
+    assert "holds the plans of 2 tools" in _refusal(["export", str(whole), "--format", "csv"], capsys)
+    assert run(["tools", "split", str(whole)]) == 0
+    split = [read_plans(path)[0] for path in (first, small_job.folder / "plan.tool2.h5")]
+    assert [plan.inputs["influence"].name for plan in split] == [WIDE, NARROW]
+    done, later = small_job.folder / "first.h5", small_job.folder / "later.h5"
+    assert run(["simulate", str(first), "--speed", "400", "-o", str(done)]) == 0
+    capsys.readouterr()
+    assert run(["tools", "replan", str(whole), str(done), "-o", str(later), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert [tool["influence"] for tool in figures["tools"]] == [NARROW]
+    (plan,) = read_plans(later)
+    assert plan.inputs["influence"].name == NARROW
+    # Planned for what was really removed, it leaves no more than the plan promised.
+    assert figures["executed_rms_nm"] <= 1.02 * _executed_nm(whole)
+    assert "replan between" in _refusal(
+        ["tools", "replan", str(whole), str(done), "--done", "2", "-o", str(later)], capsys
+    )
+
+
+def _executed_nm(path: Path) -> float:
+    figures = read_sequence(path).summary()
+    return float(figures["executed_rms_nm"])  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""`ibfctl tools`: which of the tools that a shop has are worth their time on a part."""
+"""`ibfctl tools`: which tools are worth their time on a part, and the plan of several taken apart for their runs."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 import click
 
-from ibfctl.cli.options import POSITIVE, covering_options, json_option, machine_option, unit_options
-from ibfctl.cli.output import print_json
+from ibfctl.cli.options import POSITIVE, covering_options, json_option, machine_option, output_option, unit_options
+from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.progress import progress
 from ibfctl.cli.tool_options import ToolSpec, tool_change_option, tool_files, tools_argument
-from ibfctl.cli.words import subset_table
+from ibfctl.cli.words import plan_lines, subset_table, tool_table
 
 
 @click.group(name="tools")
@@ -68,3 +68,32 @@ def suggest(
         print_json(figures)
     else:
         click.echo("\n".join(subset_table(figures, [tool.influence for tool in tools])))
+
+
+@command.command()
+@click.argument("plan_file", metavar="PLAN.h5", type=click.Path(path_type=Path))
+def split(plan_file: Path) -> None:
+    """Write the plan of every tool of PLAN.h5 as an ordinary plan file beside it, to be run by itself."""
+    from ibfctl.jobs.tool_runs import split_file
+
+    for path in split_file(plan_file):
+        click.echo(f"written  {path}")
+
+
+@command.command()
+@click.argument("plan_file", metavar="PLAN.h5", type=click.Path(path_type=Path))
+@click.argument("runs", metavar="RUN.h5...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--done", type=click.IntRange(min=1), help="How many tools have run; default: as many as run files.")
+@output_option("later.h5")
+@json_option
+def replan(plan_file: Path, runs: tuple[Path, ...], done: int | None, output: Path, as_json: bool) -> None:
+    """Plan the later tools of PLAN.h5 anew, from what the runs of the earlier ones have really removed."""
+    check_writable(output)
+    from ibfctl.jobs.tool_runs import replan_tools_file
+
+    figures = replan_tools_file(plan_file, runs, output, done).summary()
+    if as_json:
+        print_json(figures)
+    else:
+        print_lines([*plan_lines(figures), ("written", str(output))])
+        click.echo("\n".join(tool_table(figures)))

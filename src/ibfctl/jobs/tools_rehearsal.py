@@ -15,6 +15,7 @@ import numpy as np
 
 from ibfctl.errors import InputError
 from ibfctl.jobs.rehearsal import Rehearsal, Report, rehearse
+from ibfctl.jobs.tool_runs import beside
 from ibfctl.planning.as_run import AsRun, as_run_together
 from ibfctl.planning.file import write_sequence
 from ibfctl.planning.plan import InputFile, Plan
@@ -109,7 +110,7 @@ def rehearse_tools(
         number, plan = index + 1, plans[index]
         if index:
             confirm(number, plan)
-        file = _beside(output, f".tool{number}")
+        file = beside(output, f".tool{number}")
         rehearsal = rehearse(plan, file, plan_file=plan_file, speed=speed, on_progress=on_progress)
         if rehearsal.as_run is None or plan.prediction is None:
             raise InputError("rehearsal: a plan of several tools holds no map", "make it with `ibfctl plan --tool`")
@@ -124,7 +125,7 @@ def rehearse_tools(
                 on_progress("planning the later tools anew", 0.0)
                 anew = replan_later(replace(sequence, plans=tuple(plans)), number, removed_nm)
                 plans[number:] = anew.plans
-                predicted_nm, replanned = removed_nm, _beside(output, f".tool{number + 1}.plan")
+                predicted_nm, replanned = removed_nm, beside(output, f".tool{number + 1}.plan")
                 write_sequence(anew, replanned)
     as_run = as_run_together(sequence, removed_nm)
     tools = [{"run": run.file.name, "replanned": run.replanned.name if run.replanned else None} for run in runs]
@@ -136,7 +137,3 @@ def _worst(errors_counts: Sequence[Mapping[str, int]]) -> dict[str, int]:
     """Error of the largest size by axis letter."""
     letters = sorted({letter for error in errors_counts for letter in error})
     return {letter: max((error[letter] for error in errors_counts if letter in error), key=abs) for letter in letters}
-
-
-def _beside(path: Path, mark: str) -> Path:
-    return path.with_name(f"{path.stem}{mark}{path.suffix}")

@@ -113,7 +113,9 @@ def read_plan(path: Path, tool: int | None = None) -> Plan:
     """
     plans = read_plans(path)
     if tool is None and len(plans) > 1:
-        raise InputError(f"plan file {path}: holds the plans of {len(plans)} tools", "say which tool is meant")
+        raise InputError(
+            f"plan file {path}: holds the plans of {len(plans)} tools", "take them apart with `ibfctl tools split`"
+        )
     number = 1 if tool is None else tool
     if not 1 <= number <= len(plans):
         raise InputError(f"plan file {path}: has no tool {number}", f"choose one of 1 to {len(plans)}")
