@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ibfctl.planning.spectra import Change
@@ -22,7 +23,7 @@ def draw_spectra(changes: Mapping[str, Change], path: Path) -> None:
     figure = new_figure(3.6)
     axes = figure.subplots(1, len(changes))
     for axis, (name, change) in zip(axes, changes.items(), strict=True):
-        top = change.before.density[1:].max()
+        top = change.before.density[1:].max(initial=np.finfo(np.float64).tiny / _FLOOR)
         for label, spectrum, colour in (("before", change.before, _BEFORE), ("after", change.after, _AFTER)):
             shown = spectrum.density[1:].clip(min=_FLOOR * top)
             axis.loglog(spectrum.frequency_per_mm[1:], shown, color=colour, linewidth=1.0, label=label)
