@@ -108,7 +108,7 @@ def _plan(path: str, peak_nm_s: float = TIF_PEAK_NM_S, **choices: Any) -> Plan:
     influence = gaussian(TIF_FWHM_MM, peak_nm_s, TIF_RADIUS_MM, PIXEL_MM)
     aperture = Rectangle(-HALF_X_MM, HALF_X_MM, -HALF_Y_MM, HALF_Y_MM)
     options = PlanOptions(path=path, clear_aperture=aperture, **{"loop": False} | choices)  # type: ignore[arg-type]
-    return make_plan(_made_map(), influence, read_machine(shipped_machine("nsls2-ibf")), options)
+    return make_plan(made_map(), influence, read_machine(shipped_machine("nsls2-ibf")), options)
 
 
 def _against_paper(path: str) -> dict[str, Any]:
@@ -143,7 +143,7 @@ def _against_paper(path: str) -> dict[str, Any]:
     }
 
 
-def _made_map() -> SurfaceMap:
+def made_map() -> SurfaceMap:
     """Make a square map: a bowl and smooth noise, with the paper's RMS over the clear aperture."""
     y, x = np.mgrid[-1 : 1 : PIXELS * 1j, -1 : 1 : PIXELS * 1j]
     height_nm = x**2 + 0.5 * y**2 + 0.5 * x * y

@@ -13,6 +13,7 @@ ROW_KEYS = {
     "largest_acceleration_jump_mm_s2",
     "rms_acceleration_jump_mm_s2",
     "peak_acceleration_mm_s2",
+    "peak_jerk_mm_s3",
     "total_time_s",
     "executed_rms_nm",
 }
@@ -40,7 +41,7 @@ def test_people_get_a_table_for_every_path(small_job: SmallJob, capsys: pytest.C
     assert [line.partition(":")[0] for line in lines if "largest gap" in line] == ["raster x", "raster y"]
     rows = [line for line in lines if line.startswith("pvt, jerk limited")]
     assert len(rows) == 2
-    assert all(len(row.split()) == 11 for row in rows)
+    assert all(len(row.split()) == 12 for row in rows)
 
 
 def test_a_limit_of_the_jerk_must_be_positive(small_job: SmallJob, capsys: pytest.CaptureFixture[str]) -> None:

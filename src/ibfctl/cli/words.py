@@ -149,15 +149,17 @@ def comparison_lines(figures: Mapping[str, Any]) -> list[str]:
             *([""] if lines else []),
             f"{name}: {path(compared['path'])}; ideal residual {compared['ideal_rms_nm']:.3f} nm RMS",
             f"{'scheduler':<24}{'overshoot':>11}{'excursion':>11}{'jump max':>10}{'jump RMS':>10}"
-            f"{'peak x':>9}{'peak y':>9}{'run time':>10}{'residual':>10}",
-            f"{'':<24}{'mm':>11}{'mm':>11}{'mm/s²':>10}{'mm/s²':>10}{'mm/s²':>9}{'mm/s²':>9}{'s':>10}{'nm RMS':>10}",
+            f"{'peak x':>9}{'peak y':>9}{'jerk':>10}{'run time':>10}{'residual':>10}",
+            f"{'':<24}{'mm':>11}{'mm':>11}{'mm/s²':>10}{'mm/s²':>10}{'mm/s²':>9}{'mm/s²':>9}{'mm/s³':>10}{'s':>10}"
+            f"{'nm RMS':>10}",
         ]
         for scheduler, row in compared["schedulers"].items():
             peak = row["peak_acceleration_mm_s2"]
             lines.append(
                 f"{scheduler:<24}{row['overshoot_mm']:>11.4f}{row['excursion_mm']:>11.4f}"
                 f"{row['largest_acceleration_jump_mm_s2']:>10.0f}{row['rms_acceleration_jump_mm_s2']:>10.0f}"
-                f"{peak['x']:>9.0f}{peak['y']:>9.0f}{row['total_time_s']:>10.1f}{row['executed_rms_nm']:>10.4f}"
+                f"{peak['x']:>9.0f}{peak['y']:>9.0f}{max(row['peak_jerk_mm_s3'].values()):>10.0f}"
+                f"{row['total_time_s']:>10.1f}{row['executed_rms_nm']:>10.4f}"
             )
     return lines
 

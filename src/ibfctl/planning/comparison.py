@@ -19,6 +19,7 @@ from ibfctl.errors import CancelledError
 from ibfctl.machine.description import MachineDescription
 from ibfctl.path.figures import PathFigures, path_figures
 from ibfctl.planning.aperture import pixels_of
+from ibfctl.planning.corners import gentlest, sharp_job
 from ibfctl.planning.job import PlanningJob, prepare
 from ibfctl.planning.loop import execute, refine
 from ibfctl.planning.options import MadePath, PlanOptions
@@ -26,7 +27,7 @@ from ibfctl.planning.planner import Progress, solve_dwell
 from ibfctl.schedule.baselines.constant_acceleration import constant_acceleration
 from ibfctl.schedule.baselines.motion import Motion, motion_of_schedule
 from ibfctl.schedule.baselines.position_mode import position_mode
-from ibfctl.schedule.scheduler import schedule
+from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
 
@@ -43,11 +44,12 @@ class SchedulerFigures:
         How far an axis leaves the range between the two ends of the segment that it is on.
     excursion_mm
         Largest distance from the segment that the motion is on. Position mode is measured against the straight
-        lines between dwell points, which it walks.
+        lines between dwell points, which it walks; of rounded corners it is a bound on the distance from the
+        programmed path.
     largest_acceleration_jump_mm_s2, rms_acceleration_jump_mm_s2
         Jumps of the acceleration; the second is the root of the sum of their squares over the number of segments.
-    peak_acceleration_mm_s2
-        By coordinate.
+    peak_acceleration_mm_s2, peak_jerk_mm_s3
+        By coordinate; the jerk where the acceleration does not jump.
     total_time_s
         Run time.
     executed_rms_nm
@@ -59,6 +61,7 @@ class SchedulerFigures:
     largest_acceleration_jump_mm_s2: float
     rms_acceleration_jump_mm_s2: float
     peak_acceleration_mm_s2: Mapping[str, float]
+    peak_jerk_mm_s3: Mapping[str, float]
     total_time_s: float
     executed_rms_nm: float
 
@@ -123,36 +126,47 @@ def path_choices(kinds: tuple[MadePath, ...], options: PlanOptions) -> dict[str,
 def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled: Cancelled = never) -> ComparedPath:
     """Compare the schedulers on the path of a job: all get the times that the plain chain's program takes.
 
-    But for one row: PVT with the times of the classic chain, non-negative least squares first, limits afterwards.
+    But for one row: PVT with the times of the classic chain, non-negative least squares first, limits afterwards. A job
+    with rounded corners has rows for them beside those for the sharp path.
     """
     operator = RemovalOperator(job.grid, job.influence, job.path.dwell_x_mm, job.path.dwell_y_mm)
     regularisation = Regularisation(job.options.tikhonov)
     chosen = solve_dwell(job, operator, regularisation, cancelled).chosen
-    plain = execute(job, chosen.time_s)
+    sharp = sharp_job(job)
+    plain = execute(sharp, chosen.time_s)
     dwell_s = plain.scheduled.segment_time_s
 
-    def motions() -> Iterator[tuple[str, Motion]]:
-        yield "pvt", motion_of_schedule(plain.scheduled)
+    def rows() -> Iterator[tuple[str, SchedulerFigures]]:
+        yield "pvt", _of_schedule(sharp, plain.scheduled)
         if jerk_max_mm_s3 is not None:
             limited = schedule(
-                job.stage_path, dwell_s, job.machine, job.corridor_mm, stretch=True, jerk_max_mm_s3=jerk_max_mm_s3
+                job.stage_path, dwell_s, job.machine, sharp.corridor_mm, stretch=True, jerk_max_mm_s3=jerk_max_mm_s3
             )
-            yield "pvt, jerk limited", motion_of_schedule(limited)
+            yield "pvt, jerk limited", _of_schedule(sharp, limited)
         classic = nnls_then_limits(job.ideal_problem(job.misfit), cancelled=cancelled)
         yield (
             "pvt, classic dwell times",
-            motion_of_schedule(schedule(job.stage_path, classic.time_s, job.machine, job.corridor_mm, stretch=True)),
+            _of_schedule(sharp, schedule(job.stage_path, classic.time_s, job.machine, sharp.corridor_mm, stretch=True)),
         )
-        best, _ = refine(job, plain, chosen.price_nm2_s, regularisation, cancelled)
-        yield "pvt, motion in the loop", motion_of_schedule(best.scheduled)
-        yield "constant acceleration", constant_acceleration(job.stage_path, dwell_s, job.machine)
-        yield "position mode", position_mode(job.stage_path, dwell_s, job.machine)
+        best, _ = refine(sharp, plain, chosen.price_nm2_s, regularisation, cancelled)
+        yield "pvt, motion in the loop", _of_schedule(sharp, best.scheduled)
+        if job.rounded is not None:
+            gentle, found = gentlest(job, plain, dwell_s, cancelled)
+            yield "rounded", _of_schedule(gentle, found.scheduled)
+            if jerk_max_mm_s3 is not None:
+                limited = job.rounded.balanced(dwell_s, job.machine).schedule(dwell_s, job.machine, jerk_max_mm_s3)
+                yield "rounded, jerk limited", _of_schedule(gentle, limited)
+            run_time_s = best.scheduled.program.total_time_s
+            smooth, _ = refine(gentle, found, chosen.price_nm2_s, regularisation, cancelled, run_time_s)
+            yield "rounded, in the loop", _of_schedule(gentle, smooth.scheduled)
+        yield "constant acceleration", _figures(job, constant_acceleration(job.stage_path, dwell_s, job.machine))
+        yield "position mode", _figures(job, position_mode(job.stage_path, dwell_s, job.machine))
 
     figures = {}
-    for name, motion in motions():
+    for name, row in rows():
         if cancelled():
             raise CancelledError("the comparison was cancelled", "start it again when wanted")
-        figures[name] = _figures(job, motion)
+        figures[name] = row
     gap = path_figures(job.path, pixels_of(job.surface, job.target.clear_aperture))
     return ComparedPath(gap, job.rms_nm(operator(chosen.time_s)), figures)
 
@@ -160,6 +174,17 @@ def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled:
 def summary(compared: Mapping[str, ComparedPath]) -> dict[str, object]:
     """Return the JSON form that `ibfctl compare --json` prints."""
     return {"paths": {name: asdict(figures) for name, figures in compared.items()}}
+
+
+def _of_schedule(job: PlanningJob, scheduled: PvtSchedule) -> SchedulerFigures:
+    if job.rounded is None:
+        return _figures(job, motion_of_schedule(scheduled))
+    # Along the pieces of the rounded path, but judged against the programmed one.
+    pieces = np.arange(len(scheduled.program))
+    figures = _figures(job, motion_of_schedule(replace(scheduled, source_segment=pieces)))
+    jumps = figures.rms_acceleration_jump_mm_s2 * np.sqrt(pieces.size / job.path.segments)
+    deviation_mm = scheduled.certificate["deviation_mm"].value
+    return replace(figures, excursion_mm=deviation_mm, rms_acceleration_jump_mm_s2=float(jumps))
 
 
 def _figures(job: PlanningJob, motion: Motion) -> SchedulerFigures:
@@ -171,6 +196,7 @@ def _figures(job: PlanningJob, motion: Motion) -> SchedulerFigures:
         motion.largest_acceleration_jump_mm_s2,
         motion.rms_acceleration_jump_mm_s2,
         motion.peak_acceleration_mm_s2,
+        {"x": float(np.abs(motion.x.jerk_mm_s3).max()), "y": float(np.abs(motion.y.jerk_mm_s3).max())},
         motion.total_time_s,
         job.rms_nm(removal_of_samples(job.grid, job.influence, *place_mm, time_s)),
     )

@@ -13,11 +13,8 @@ from ibfctl.planning.job import PlanningJob, corridor_of
 from ibfctl.planning.loop import TIME_SLACK, Executed, execute
 from ibfctl.planning.plan import Smoothing, peaks
 
-# Shares of the sharp path's peak accelerations that are tried one after the other, and how much longer than the sharp
-# path the rounded one may take for it; the rest of the slack is the loop's.
-_SHARES = (0.55, 0.6, 0.7, 0.85)
-_GENTLENESS_SLACK = 0.6 * TIME_SLACK
-
+# Shares of the sharp path's peak accelerations that are tried one after the other.
+_SHARES = (0.6, 0.7, 0.85)
 
 def sharp_job(job: PlanningJob) -> PlanningJob:
     """Return the same job with its corners as programmed."""
@@ -44,7 +41,7 @@ def gentlest(
     assert job.rounded is not None
     peak = {letter: peak for letter, (_, peak) in peaks(sharp.scheduled.program).items()}
     rounded = job.rounded.balanced(dwell_s, job.machine)
-    longest_s = (1 + _GENTLENESS_SLACK) * sharp.scheduled.program.total_time_s
+    longest_s = (1 + TIME_SLACK) * sharp.scheduled.program.total_time_s
     for share in _SHARES:
         if cancelled():
             raise CancelledError("planning was cancelled", "start it again when wanted")
@@ -69,10 +66,9 @@ def compared(job: PlanningJob, sharp: Executed, found: Executed) -> Smoothing:
             lowers.append("residual")
         if all(peak < sharp_peak[letter] for letter, (_, peak) in peaks(after).items()):
             lowers.append("acceleration")
-    deviation = next(check for check in found.scheduled.certificate.checks if check.name == "deviation_mm")
     return Smoothing(
         job.rounded.smoothed.tolerance_mm,
-        deviation.value,
+        found.scheduled.certificate["deviation_mm"].value,
         int(np.count_nonzero(corners.transition_mm)),
         sharp.rms_nm,
         before.total_time_s,

@@ -51,6 +51,10 @@ class Certificate:
         """True where every check passed and there is at least one."""
         return bool(self.checks) and all(check.passed for check in self.checks)
 
+    def __getitem__(self, name: str) -> Check:
+        """The check of a name."""
+        return next(check for check in self.checks if check.name == name)
+
     def summary(self) -> dict[str, object]:
         """JSON form: each check with its value and limit, and `passed`."""
         checks = {

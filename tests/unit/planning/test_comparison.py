@@ -95,3 +95,25 @@ def test_the_figures_of_pvt_are_those_of_a_plan() -> None:
 def test_a_comparison_can_be_cancelled() -> None:
     with pytest.raises(CancelledError):
         compare(SURFACE, TOOL, MACHINE, path_choices(("raster",), OPTIONS), cancelled=lambda: True)
+
+
+def test_rounded_corners_stand_beside_sharp_ones() -> None:
+    (choice,) = path_choices(("maze",), replace(OPTIONS, corner_tolerance_mm=0.05)).values()
+    rows = compare(SURFACE, TOOL, MACHINE, {"maze": choice}, jerk_max_mm_s3=JERK_MM_S3)["maze"].schedulers
+    sharp = compare(SURFACE, TOOL, MACHINE, {"maze": replace(choice, corner_tolerance_mm=None)})["maze"].schedulers
+    assert list(sharp) == [name for name in rows if name in sharp]
+    assert rows["pvt"] == sharp["pvt"]
+    assert [name for name in rows if name not in sharp] == [
+        "pvt, jerk limited",
+        "rounded",
+        "rounded, jerk limited",
+        "rounded, in the loop",
+    ]
+    pvt, smooth = rows["pvt"], rows["rounded"]
+    assert smooth.excursion_mm <= 0.05
+    assert smooth.total_time_s <= 1.005 * pvt.total_time_s
+    for axis in ("x", "y"):
+        assert smooth.peak_acceleration_mm_s2[axis] < pvt.peak_acceleration_mm_s2[axis]
+        assert rows["rounded, jerk limited"].peak_jerk_mm_s3[axis] <= JERK_MM_S3
+        assert smooth.peak_jerk_mm_s3[axis] > JERK_MM_S3
+    assert rows["rounded, in the loop"].executed_rms_nm < 0.5 * smooth.executed_rms_nm
