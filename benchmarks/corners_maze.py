@@ -1,8 +1,8 @@
 """Mazes with rounded corners: executed residual and peak acceleration beside sharp corners in the same time.
 
 The map, tool and stages are those of `maze_vs_paper`; the corners are rounded with 5 % of the pitch. Both kinds of
-corners are planned with motion in the loop. At residuals of some hundredths of a nanometre the ratio scatters by a tenth
-from maze to maze: the mean over some seeds counts, and of the accelerations the worst of all axes and seeds.
+corners are planned with motion in the loop. At residuals of some hundredths of a nanometre the ratio scatters by a
+tenth from maze to maze: the mean over some seeds counts, and of the accelerations the worst of all axes and seeds.
 """
 
 from __future__ import annotations
