@@ -125,10 +125,12 @@ def killed_served(data: Path, service: Service, chance: random.Random) -> Trial:
     service.kill()
     worker_too = chance.random() < SHARE_OF_BOTH
     if worker_too and has_worker(folder):
-        with contextlib.suppress(ProcessLookupError, TypeError):
+        with contextlib.suppress(ProcessLookupError, KeyError):
             os.kill((read(folder) or {})["worker_pid"], signal.SIGKILL)
     service.start()
-    ended = service.client.runs.wait(run)
+    while service.client.info()["running"]:
+        time.sleep(LOOK_S)
+    ended = service.client.runs.show(run)
     if not worker_too and ended["state"] != RunState.COMPLETED:
         raise RuntimeError(f"run {run} did not survive the service: {ended}")
     return Trial(folder, after_s, recover(folder))
@@ -242,4 +244,5 @@ class Service:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.kill()
+        if self._process.returncode is None:
+            self.kill()

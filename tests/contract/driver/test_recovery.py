@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from benchmarks._killing import SPEED, Verdict, small_plan, try_out, waiting_run, write_inputs
-from ibfctl.runs.adoption import has_worker, interrupt_orphans
+from ibfctl.errors import RunError
+from ibfctl.runs.adoption import interrupt_orphans
 from ibfctl.runs.emulator import emulated_controller
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
@@ -35,13 +32,6 @@ def until_running(folder: Path) -> None:
 def assert_right(verdicts: list[Verdict]) -> None:
     wrong = [f"{v.trial.found}, but {v.true_samples} samples, {v.removal_error_nm} nm" for v in verdicts if not v.right]
     assert wrong == []
-
-
-def act(what: str, folder: Path) -> dict[str, Any]:
-    command = [sys.executable, "-m", "ibfctl.runs.recovery_act", what, str(folder)]
-    done = subprocess.run(command, stdout=subprocess.PIPE, check=False)
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
 
 
 def test_what_a_killed_worker_has_executed_is_known_to_the_sample() -> None:
@@ -70,16 +60,17 @@ def test_a_run_that_was_killed_twice_is_resumed_to_its_end_with_the_dose_of_the_
             until_running(folder)
             time.sleep(0.3)
             worker.kill()
-        told = act("resume", folder)
-        assert told["event"] == "finished", told
-        (_, seam), (taken_up, later_seam) = told["figures"]["executed"]
+        assert interrupt_orphans(tmp_path) == [folder]
+        second = recover(folder)
+        assert second.seam > first.seam
+        (_, seam), (taken_up, _) = second.executed
         assert taken_up == pytest.approx(seam, abs=2)
-        assert later_seam > seam == first.seam
-        while has_worker(folder):
-            time.sleep(0.01)
-        told = act("recover", folder)
-        assert told["figures"]["why_not"] == "the plan was executed to its end", told
-        assert act("resume", folder)["event"] == "failed"
+        with resume(folder, second) as worker:
+            assert worker.wait(60) == 0, (folder / "worker.log").read_text()
+        third = recover(folder)
+        assert third.why_not == "the plan was executed to its end"
+        with pytest.raises(RunError, match="cannot be resumed: the plan was executed to its end"):
+            resume(folder, third)
     assert plan.prediction is not None
     mask = plan.prediction.clear_aperture
     true = as_run_of(plan, read_emulator_trace(tmp_path / "trace.h5", plan.machine))
