@@ -74,7 +74,7 @@ def krylov_space(problem: DwellProblem, iterations: int = ITERATIONS, cancelled:
     """
     target = problem.misfit.target
     target_nm = float(np.linalg.norm(target))
-    most = min(iterations, problem.operator.steps, target.size - 1)
+    most = max(1, min(iterations, problem.operator.steps, target.size - 1))
     right, left = np.empty((most, problem.operator.steps)), np.empty((most + 1, target.size))
     bidiagonal = np.zeros((most + 1, most))
     left[0] = target / max(target_nm, np.finfo(float).tiny)

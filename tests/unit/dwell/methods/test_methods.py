@@ -13,7 +13,7 @@ from ibfctl.dwell.deposition import Grid
 from ibfctl.dwell.methods.damped_lsmr import damped_lsmr, krylov_space
 from ibfctl.dwell.methods.extension import extended, extended_problem
 from ibfctl.dwell.methods.inverse_filter import inverse_filter
-from ibfctl.dwell.methods.nnls import nnls
+from ibfctl.dwell.methods.nnls import nnls, nnls_then_limits
 from ibfctl.dwell.methods.solution import Solution
 from ibfctl.dwell.misfit import make_misfit
 from ibfctl.dwell.operator import RemovalOperator
@@ -140,3 +140,16 @@ def test_tools_are_offset_each_by_itself() -> None:
 def test_the_search_for_the_damping_can_be_cancelled() -> None:
     with pytest.raises(CancelledError):
         damped_lsmr(make_problem(20), cancelled=lambda: True)
+
+
+@pytest.mark.parametrize("pixels", [2, 20])
+def test_a_flat_map_gets_the_shortest_times(pixels: int) -> None:
+    problem = make_problem(pixels, 1.0)
+    flat = replace(problem, misfit=replace(problem.misfit, target=np.zeros_like(problem.misfit.target)))
+    for found in (
+        inverse_filter(flat),
+        nnls_then_limits(flat),
+        damped_lsmr(flat),
+        damped_lsmr(flat, extend=True),
+    ):
+        np.testing.assert_allclose(found.time_s, LOWER_S)
