@@ -30,7 +30,7 @@ LATTICE_PER_DISTANCE = 4
 # Weight of a node's own corner, the rest shared by the others: equal steps inside and across in equal triangles.
 _OWN_CORNER = (3 + np.sqrt(3)) / (3 + 3 * np.sqrt(3))
 # Where on an edge, from the corner it belongs to, a step may cross.
-_CROSSING = (0.05, 0.45)
+_CROSSING = (0.02, 0.48)
 # So many triangles that no other joins are a crumb at the rim, and left out.
 _CRUMB = 3
 
