@@ -53,10 +53,11 @@ def grown(area: Rectangle, by_mm: float) -> Rectangle:
     return Rectangle(area.x0_mm - by_mm, area.x1_mm + by_mm, area.y0_mm - by_mm, area.y1_mm + by_mm)
 
 
-def fills_its_box(mask: NDArray[np.bool_]) -> bool:
-    """Whether the pixels of `mask` (ny, nx) are a full rectangle."""
-    rows, columns = mask.any(axis=1), mask.any(axis=0)
-    return bool(mask.sum() == rows.sum() * columns.sum())
+def is_rectangle(mask: NDArray[np.bool_]) -> bool:
+    """Whether the outline of the pixels of `mask` (ny, nx) is a rectangle, whatever holes there are inside."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    box = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return bool(box[[0, -1]].all() and box[:, [0, -1]].all())
 
 
 def within_reach(

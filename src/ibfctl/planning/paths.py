@@ -14,7 +14,7 @@ from ibfctl.path.random_adaptive import random_adaptive
 from ibfctl.path.raster import raster, raster_places
 from ibfctl.path.spiral import spiral
 from ibfctl.path.tool_path import ToolPath
-from ibfctl.planning.aperture import bounding_box, fills_its_box, grown, pixels_of, within_reach
+from ibfctl.planning.aperture import bounding_box, grown, is_rectangle, pixels_of, within_reach
 from ibfctl.planning.density import local_pitch
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.target import Target
@@ -50,7 +50,7 @@ def _raster(
 ) -> ToolPath:
     """Lay a raster; over anything but a rectangle, only where the tool reaches the clear aperture."""
     spacings = *options.spacing_mm, options.scan_axis
-    if fills_its_box(mask):
+    if is_rectangle(mask):
         return raster(area, *spacings)
     along, across = np.meshgrid(*raster_places(area, *spacings))
     x_mm, y_mm = (along, across) if options.scan_axis == "x" else (across, along)
