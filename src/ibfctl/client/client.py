@@ -193,10 +193,18 @@ class Client:
         Token of `ibfctl keys add`, if the service has keys.
     timeout_s
         Longest wait for an answer.
+
+    Attributes
+    ----------
+    url
+        Where it is.
+    maps, influences, machines, plans, runs, machine
+        Its resources.
     """
 
     def __init__(self, url: str = DEFAULT_URL, key: str | None = None, timeout_s: float = 60.0) -> None:
         self._transport = Transport(url, key, timeout_s)
+        self.url = url
         self.maps = Maps(self._transport, "maps")
         self.influences = Influences(self._transport, "influences")
         self.machines = Machines(self._transport, "machines")

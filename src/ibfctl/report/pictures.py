@@ -14,28 +14,17 @@ from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.plan import Plan, Prediction
 from ibfctl.planning.spectra import spectra
 from ibfctl.report.curves import draw_spectra
-from ibfctl.report.panels import Panel, draw_panels, new_figure, save, signed_scale
+from ibfctl.report.panels import draw_panels, new_figure, save, signed_scale
+from ibfctl.report.preview import figures_of, map_panel
 from ibfctl.schedule.certificate import axis_cubics
-from ibfctl.surface.levelling import peak_to_valley, rms
-from ibfctl.surface.map import SurfaceMap
 
 FloatArray = NDArray[np.float64]
 
 _SAMPLES_PER_SEGMENT = 4
 _POINTS_PER_IN = 72.0
 _PM_PER_NM = 1e3
-_PREVIEW_PIXELS = 700
 _INK = "#1f3b5c"
 _LIMIT = "#b2182b"
-
-
-def draw_map(surface: SurfaceMap, path: Path) -> None:
-    """Write the picture of a map as measured, without its mean; of a large map every so many pixels."""
-    height_nm = surface.height_nm - np.nanmean(surface.height_nm)
-    step = -(-max(height_nm.shape) // _PREVIEW_PIXELS)
-    shown_nm = height_nm[::step, ::step]
-    panel = _map_panel(surface, shown_nm, _figures(height_nm), "height / nm", signed_scale(shown_nm))
-    draw_panels(path, [panel], None)
 
 
 def draw_plan(plan: Plan, folder: Path) -> list[Path]:
@@ -46,7 +35,7 @@ def draw_plan(plan: Plan, folder: Path) -> list[Path]:
     if plan.surface is None or plan.prediction is None:
         return paths
     initial = plan.prediction.initial_nm
-    panel = _map_panel(plan.surface, initial, f"Before: {_figures(initial)}", "height / nm", signed_scale(initial))
+    panel = map_panel(plan.surface, initial, f"Before: {figures_of(initial)}", "height / nm", signed_scale(initial))
     draw_panels(folder / "map.png", [panel], plan.options.clear_aperture)
     draw_spectra(spectra(plan.prediction, plan.surface.pixel_mm), folder / "psd.png")
     return [folder / "map.png", *paths, folder / "psd.png"]
@@ -64,7 +53,7 @@ def draw_run(plan: Plan, as_run: AsRun | None, folder: Path) -> list[Path]:
     )
     scale = signed_scale(*(values for _, values in residuals))
     panels = [
-        _map_panel(plan.surface, values, f"{title}: {_figures(values)}", "residual / nm", scale)
+        map_panel(plan.surface, values, f"{title}: {figures_of(values)}", "residual / nm", scale)
         for title, values in residuals
     ]
     difference_pm = _PM_PER_NM * np.where(
@@ -72,18 +61,9 @@ def draw_run(plan: Plan, as_run: AsRun | None, folder: Path) -> list[Path]:
     )
     title = f"Removal as run minus executed: {_PM_PER_NM * as_run.rms_difference_nm:.2f} pm RMS"
     scale = signed_scale(difference_pm)
-    panels.append(_map_panel(plan.surface, difference_pm, title, "difference / pm", scale))
+    panels.append(map_panel(plan.surface, difference_pm, title, "difference / pm", scale))
     draw_panels(folder / "residuals.png", panels, plan.options.clear_aperture)
     return [folder / "residuals.png"]
-
-
-def _map_panel(surface: SurfaceMap, values: FloatArray, title: str, label: str, scale: tuple[float, float]) -> Panel:
-    return Panel(title, values, surface.extent_mm, label, *scale)
-
-
-def _figures(values_nm: FloatArray) -> str:
-    valid_nm = values_nm[np.isfinite(values_nm)]
-    return f"{rms(valid_nm):#.3g} nm RMS, {peak_to_valley(valid_nm):#.3g} nm PV"
 
 
 def _draw_dwell(plan: Plan, path: Path) -> None:

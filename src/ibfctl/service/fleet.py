@@ -29,6 +29,7 @@ from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.store import Collection
 
 TICK_S = 0.1
+SETTLING_S = 10.0
 AT_REST = TERMINAL | {RunState.INTERRUPTED}
 """States in which a run has no worker."""
 
@@ -102,6 +103,13 @@ class Fleet:
         """Start the worker of a new run."""
         folder = await asyncio.to_thread(prepare, self._data, job, plan, machine)
         self._living[job.run] = _Living(folder, await asyncio.to_thread(start_worker, folder))
+
+    async def settled(self, patience_s: float = SETTLING_S) -> None:
+        """Wait for the workers of runs that are over to end: they still write, and may hold the machine."""
+        for _ in range(round(patience_s / TICK_S)):
+            if not any(RunState(told["state"]) in AT_REST for run in self.living if (told := self.status(run))):
+                return
+            await asyncio.sleep(TICK_S)
 
     async def resume(self, run: str) -> None:
         """Go on with an interrupted run, by a new worker.

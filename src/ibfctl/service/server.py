@@ -22,7 +22,9 @@ class Server(uvicorn.Server):
     """
 
     def __init__(self, app: FastAPI, certificate: str | None = None, key: str | None = None) -> None:
-        config = uvicorn.Config(app, log_level="warning", lifespan="on", ssl_certfile=certificate, ssl_keyfile=key)
+        config = uvicorn.Config(
+            app, log_level="warning", access_log=False, lifespan="on", ssl_certfile=certificate, ssl_keyfile=key
+        )
         super().__init__(config)
         self._app = app
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self, cast
 
 from fastapi import Depends, Request
 
+from ibfctl.machine.description import read_machine
 from ibfctl.runs.detached_emulator import DetachedEmulator
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.places import SIDE, journal_path
@@ -33,6 +34,7 @@ class State:
     def __init__(self, settings: Settings, requests: Requests, journal: Journal) -> None:
         self.settings = settings
         self.requests = requests
+        self.machine = read_machine(settings.machine)
         self.maps = Collection(settings.data, "maps")
         self.influences = Collection(settings.data, "influences")
         self.machines = Collection(settings.data, "machines")

@@ -24,7 +24,7 @@ from ibfctl.files import save_npz
 from ibfctl.jobs.inputs import InfluenceFile, MapFile
 
 Arguments = dict[str, Any]
-_NICENESS = 5
+_NICENESS = 15
 
 
 def inspect_map(arguments: Arguments) -> Arguments:
@@ -151,7 +151,7 @@ def resume_run(arguments: Arguments) -> Arguments:
 
 def preview_map(arguments: Arguments) -> Arguments:
     """Draw a map."""
-    from ibfctl.report.pictures import draw_map
+    from ibfctl.report.preview import draw_map
 
     draw_map(MapFile(**arguments["map"]).read(), Path(arguments["folder"]) / "preview.png")
     return {}

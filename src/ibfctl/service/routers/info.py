@@ -11,7 +11,6 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse, PlainTextResponse
 
 from ibfctl import __version__
-from ibfctl.machine.description import read_machine
 from ibfctl.service import metrics
 from ibfctl.service.metrics import Metric
 from ibfctl.service.models import Health, Info
@@ -32,7 +31,7 @@ async def show_info(service: Service) -> Info:
     """Show version, machine, and which runs are under way."""
     return Info(
         version=__version__,
-        machine=read_machine(service.settings.machine).name,
+        machine=service.machine.name,
         simulated=service.settings.simulate,
         running=service.fleet.living,
     )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibfctl.errors import RunError
-from ibfctl.machine.description import read_machine
 from ibfctl.service.access import Holder
 from ibfctl.service.models import MachineNow, Told
 from ibfctl.service.requests import refusals
@@ -50,30 +50,26 @@ async def show_machine_now(service: Service) -> dict[str, Any]:
 @router.post("/connect", **_ACT)
 async def connect_machine(service: Service, asking: Asking) -> dict[str, Any]:
     """Ask the controller who it is, where the axes are, how the gate stands, and measure its clock."""
-    service.desk.start("connect", asking)
-    return _shown(service)
+    return await _begin(service, "connect", asking)
 
 
 @router.post("/home", **_ACT)
 async def home_machine(service: Service, asking: Asking) -> dict[str, Any]:
     """Home all axes with the gate closed; needed once after the controller had no power."""
-    service.desk.start("home", asking)
-    return _shown(service)
+    return await _begin(service, "home", asking)
 
 
 @router.post("/move", **_ACT)
 async def move_machine(request: MoveRequest, service: Service, asking: Asking) -> dict[str, Any]:
     """Move to a place with the gate closed, at the approach speed of the machine file."""
     given = {"x": request.x_mm, "y": request.y_mm}
-    service.desk.start("move", asking, {name: place for name, place in given.items() if place is not None})
-    return _shown(service)
+    return await _begin(service, "move", asking, {name: place for name, place in given.items() if place is not None})
 
 
 @router.post("/gate-test", **_ACT)
 async def test_gate(service: Service, asking: Asking) -> dict[str, Any]:
     """Close the gate and read it back, and see the guard program run on the controller. The gate is never opened."""
-    service.desk.start("gate-test", asking)
-    return _shown(service)
+    return await _begin(service, "gate-test", asking)
 
 
 @router.post("/estop", **_ACT)
@@ -104,10 +100,17 @@ def _tell_all(service: State, act: str, asking: Holder) -> list[str]:
     return told
 
 
+async def _begin(
+    service: State, act: str, asking: Holder, target_mm: Mapping[str, float] | None = None
+) -> dict[str, Any]:
+    await service.fleet.settled()
+    service.desk.start(act, asking, target_mm)
+    return _shown(service)
+
+
 def _shown(service: State) -> dict[str, Any]:
-    machine = read_machine(service.settings.machine)
     return {
-        "name": machine.name,
+        "name": service.machine.name,
         "simulated": service.settings.simulate,
         "running": service.fleet.living,
         "act": service.desk.act,

@@ -79,6 +79,7 @@ async def start_run(
     async with service.starting_run:
         record = service.runs.recall(key, fingerprint)
         if record is None:
+            await service.fleet.settled()
             record = await _start(request, service, asking)
             service.runs.remember(key, fingerprint, record["id"])
     response.headers["Location"] = f"/v1/runs/{record['id']}"

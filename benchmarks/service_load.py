@@ -1,0 +1,107 @@
+"""Latency of a run's status, and the run's buffer margin, under 50 listeners of events and a plan being solved."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+
+from benchmarks._service import keep_solving, moving_run, plan_of_hours, service
+from ibfctl.client import Client
+
+LISTENERS = 50
+DURATION_S = 8.0
+POLL_S = 0.05
+
+
+def run() -> dict[str, Any]:
+    """Run twice: alone, and under load."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with service(folder, "--simulate") as (client, _):
+            plan = plan_of_hours(client, folder)
+            alone = _watched(client, plan)
+            solving = keep_solving(client, folder)
+            with _Listeners(client.url) as listeners:
+                loaded = _watched(client, plan)
+                samples = listeners.samples
+            still = client.plans.cancel(solving)["state"]
+    metrics = {
+        "status_p50_ms": float(np.percentile(loaded["latency_ms"], 50)),
+        "status_p99_ms": float(np.percentile(loaded["latency_ms"], 99)),
+        "alone_status_p99_ms": float(np.percentile(alone["latency_ms"], 99)),
+        "minimum_margin_s": loaded["margin_s"],
+        "alone_minimum_margin_s": alone["margin_s"],
+        "margin_ratio": loaded["margin_s"] / alone["margin_s"],
+        "underruns": float(loaded["ended"] + alone["ended"]),
+        "telemetry_hz": samples / LISTENERS / DURATION_S,
+        "plan_was_solved_throughout": float(still in ("queued", "running")),
+    }
+    targets = {
+        "status_p99_ms": {"max": 20.0},
+        "margin_ratio": {"min": 0.8},
+        "underruns": {"max": 0.0},
+        "telemetry_hz": {"min": 5.0, "max": 10.0},
+    }
+    return {"metrics": metrics, "targets": targets}
+
+
+def _watched(client: Client, plan: str) -> dict[str, Any]:
+    """Run a plan for a while, ask for its status at a steady rate, and abort it."""
+    moving = moving_run(client, plan)
+    latency_ms = []
+    with httpx.Client(base_url=client.url, timeout=30) as panel:
+        end = time.monotonic() + DURATION_S
+        while time.monotonic() < end:
+            asked = time.monotonic()
+            panel.get(f"/v1/runs/{moving}").raise_for_status()
+            latency_ms.append(1e3 * (time.monotonic() - asked))
+            time.sleep(max(POLL_S - (time.monotonic() - asked), 0.0))
+    record = client.runs.show(moving)
+    if record["state"] != "running":
+        print(record.get("error") or record["state"], file=sys.stderr)
+    client.runs.abort(moving)
+    client.runs.wait(moving)
+    return {
+        "latency_ms": latency_ms,
+        "margin_s": record["status"]["minimum_margin_s"],
+        "ended": record["state"] != "running",
+    }
+
+
+class _Listeners:
+    """Read all events on many connections, in a thread each."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._ended = threading.Event()
+        self._counts = [0] * LISTENERS
+        self._threads = [threading.Thread(target=self._listen, args=(number,)) for number in range(LISTENERS)]
+
+    @property
+    def samples(self) -> int:
+        """Telemetry heard by all together."""
+        return sum(self._counts)
+
+    def __enter__(self) -> _Listeners:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _listen(self, number: int) -> None:
+        with httpx.stream("GET", f"{self._url}/v1/events", timeout=30) as stream:
+            for chunk in stream.iter_bytes():
+                self._counts[number] += chunk.count(b"event: telemetry")
+                if self._ended.is_set():
+                    return
