@@ -17,9 +17,12 @@ _PLAIN_STEP = 0.25
 
 
 @contextmanager
-def progress() -> Iterator[Report]:
-    """Yield a function of a stage's name and the fraction done (0 to 1) that shows how far the work is."""
-    if sys.stderr.isatty():
+def progress(*, plain: bool = False) -> Iterator[Report]:
+    """Yield a function of a stage's name and the fraction done (0 to 1) that shows how far the work is.
+
+    `plain` writes lines on a terminal too: a bar would be drawn over what is asked meanwhile.
+    """
+    if sys.stderr.isatty() and not plain:
         try:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn

@@ -36,7 +36,7 @@ def command(plan_file: Path, speed: float, output: Path, yes: bool, as_json: boo
 
     plans = read_plans(plan_file)
     rehearsal: Rehearsal | ToolsRehearsal
-    with progress() as report:
+    with progress(plain=len(plans) > 1) as report:
         if len(plans) == 1:
             rehearsal = rehearse(plans[0], output, plan_file=hashed(plan_file), speed=speed, on_progress=report)
         else:
@@ -44,7 +44,7 @@ def command(plan_file: Path, speed: float, output: Path, yes: bool, as_json: boo
                 read_sequence(plan_file),
                 output,
                 plan_file=hashed(plan_file),
-                confirm=_accept if yes else _ask,
+                confirm=accept_change if yes else ask_for_change,
                 speed=speed,
                 on_progress=report,
             )
@@ -54,17 +54,19 @@ def command(plan_file: Path, speed: float, output: Path, yes: bool, as_json: boo
         print_lines([*run_lines(rehearsal.summary()), ("written", str(output))])
 
 
-def _accept(number: int, plan: Plan) -> None:
+def accept_change(number: int, plan: Plan) -> None:
     """Take the change of tools as done."""
 
 
-def _ask(number: int, plan: Plan) -> None:
+def ask_for_change(number: int, plan: Plan) -> None:
     """Ask the operator whether the next tool is mounted and its machine referenced."""
     tool = plan.inputs["influence"].name if "influence" in plan.inputs else "the next tool"
     question = f"Tool {number} ({tool}) mounted on {plan.machine.name}, machine referenced?"
     try:
         confirmed = click.confirm(question, err=True)
-    except click.Abort:
+    except click.Abort as end:
+        if isinstance(end.__context__, KeyboardInterrupt):
+            raise
         confirmed = False
     if not confirmed:
         raise AbortedError(f"simulate: stopped before tool {number}", "mount it and answer y, or give --yes")
