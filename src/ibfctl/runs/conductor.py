@@ -157,7 +157,9 @@ class _Run:
 
     def end_with(self, error: IbfctlError) -> None:
         """Note the end of a run that was not completed; the gate is closed."""
-        lost = self._state is RunState.PAUSED and isinstance(error, ControllerError)
+        lost = self._state is RunState.RESUMING or (
+            self._state is RunState.PAUSED and isinstance(error, ControllerError)
+        )
         ours = any(check.name == ALONE and check.ok for check in self._checks)
         if ours and (not self._legs or self._state is RunState.PAUSED):
             trouble = self.rig.make_safe()
@@ -165,7 +167,9 @@ class _Run:
             if trouble:
                 error = RunError(f"{error}; {trouble}", "switch the beam off by hand now")
         self._error = error
-        state = RunState.INTERRUPTED if lost else _ENDS[end_of(error)]
+        state = _ENDS[end_of(error)]
+        if lost and state is RunState.FAULTED:  # nothing has moved since the seam: it can be taken up there again
+            state = RunState.INTERRUPTED
         told = {"code": error.code, "reason": error.message, "hint": error.hint, "place": self._place()}
         if state in (RunState.FAULTED, RunState.INTERRUPTED):
             self._report("fault", {"code": error.code, "message": error.message, "hint": error.hint, **told})

@@ -95,6 +95,6 @@ class RunReporter:
         self._status.tell(state=new, **{name: data.get(name) for name in ("code", "reason", "hint")})
 
     @property
-    def ended(self) -> bool:
-        """Whether the run is over."""
-        return self.state in TERMINAL
+    def at_rest(self) -> bool:
+        """Whether the run is over or interrupted."""
+        return self.state in TERMINAL | {RunState.INTERRUPTED}

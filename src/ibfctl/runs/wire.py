@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-GATHER_S = 0.5
+GATHER_S = 1.0
 MOST_EXCHANGES = 256
 
 

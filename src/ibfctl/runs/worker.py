@@ -114,11 +114,11 @@ class Worker:
             record_result(self._folder, plan, self._job, result, self._before)
         except IbfctlError as error:
             _log.error("%s", error)
-            self._end(RunState.ABORTED if isinstance(error, AbortedError) else RunState.FAULTED, error)
+            self._end(error)
             return error.exit_code
         except BaseException as error:
             _log.exception("the worker failed")
-            self._end(RunState.FAULTED, RunError(f"the worker failed: {error!r}", "see worker.log in the run's folder"))
+            self._end(RunError(f"the worker failed: {error!r}", "see worker.log in the run's folder"))
             raise
         return 0 if result.error is None else result.error.exit_code
 
@@ -139,11 +139,16 @@ class Worker:
     def _refuse(self, what: str) -> None:
         self._report("fault", {"code": "act", "message": f"refused: {what}"})
 
-    def _end(self, state: RunState, error: IbfctlError) -> None:
-        """Note how the run ended, unless it had ended before."""
-        if not self._report.ended:
-            told = {"state": state, "code": error.code, "reason": error.message, "hint": error.hint}
-            self._report("state", told)
+    def _end(self, error: IbfctlError) -> None:
+        """Note what kept the run from going on; one that was to be resumed can still be."""
+        told = {"code": error.code, "reason": error.message, "hint": error.hint}
+        if self._report.at_rest:
+            self._report("fault", {**told, "message": error.message})
+        elif isinstance(error, AbortedError):
+            self._report("state", {"state": RunState.ABORTED, **told})
+        else:
+            resuming = self._report.state is RunState.RESUMING
+            self._report("state", {"state": RunState.INTERRUPTED if resuming else RunState.FAULTED, **told})
 
 
 def ask(requests: Requests, act: Act) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import sqlite3
 import subprocess
 import time
@@ -21,7 +22,7 @@ from ibfctl.runs import control, status
 from ibfctl.runs.adoption import has_worker, interrupt_orphans
 from ibfctl.runs.detached_emulator import DetachedEmulator
 from ibfctl.runs.history import history
-from ibfctl.runs.job import read_job, write_job
+from ibfctl.runs.job import Address, read_job, write_job
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
 from ibfctl.runs.lock import MachineLock
@@ -164,3 +165,21 @@ def test_a_pause_and_a_resume_are_in_the_journal_to_the_last_byte(folder: Path, 
     with h5py.File(folder / "run.h5") as file:
         assert file["executed/plan_samples"][:].tolist() == [list(interval) for interval in known.executed]
         assert file["trace/sample"].size == 900 * 60
+
+
+def test_a_resume_that_cannot_begin_leaves_the_run_as_it_was(folder: Path, tmp_path: Path) -> None:
+    with Journal.open(journal_path(tmp_path)) as journal:
+        for state in ("preflight", "moving_to_start", "armed", "running", "interrupted"):
+            journal.append("r1", "state", {"state": state})
+    job = read_job(folder)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        closed = listener.getsockname()[1]
+    for address in (Address(host="127.0.0.1", port=closed), job.address):
+        write_job(folder, job.model_copy(update={"resume_at": 6000, "address": address, "speed": 3.0}))
+        with start_worker(folder) as worker:  # at first nobody answers, then the clock is wrong
+            assert worker.wait(PATIENCE_S) in (5, 6)
+        assert states(folder)[-2:] == ["resuming", "interrupted"]
+    shown = status.read(folder)
+    assert shown is not None
+    assert shown["state"] == "interrupted"
+    assert shown["reason"]
