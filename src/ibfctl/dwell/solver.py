@@ -3,14 +3,15 @@
 Minimises  1/2 |target - P A t|² + 1/2 λ |t|² + 1/2 μ |D t|² + w Σ t  with  lower <= t <= upper,  where A is the
 removal operator and P takes out the free terms and weighs the cells, so that |·| is an RMS in nm (Zhang et al. 2021,
 Int. J. Precis. Eng. Manuf.-Green Tech. 8, Eq. 4, with a price w on beam time and one μ on changes along the path).
-The step is safe by construction: for a removal rate without negative parts, the largest ratio of one application
-bounds the curvature (Collatz and Wielandt). Momentum restarts when it points uphill.
+Every time has a step of its own, safe by construction: for a removal rate without negative parts, what one application
+makes of positive times bounds the curvature. Momentum restarts when it points uphill.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,12 @@ from ibfctl.errors import CancelledError
 
 FloatArray = NDArray[np.float64]
 Cancelled = Callable[[], bool]
+
+
+# Interpolation weights have small negative parts, which the bounds of the curvature do not count.
+_NEGATIVE = 1.05
+# Least curvature of a time that a descent believes in, relative to the largest.
+LEAST = 0.01
 
 
 def never() -> bool:
@@ -74,16 +81,31 @@ class DwellProblem:
 
     def curvature(self) -> float:
         """Upper bound of the largest eigenvalue of the normal operator, in nm²/s²."""
-        weights = np.zeros(self.misfit.mask.shape)
-        weights[self.misfit.mask] = self.misfit.root_weight**2
         vector = np.ones(self.operator.steps)
         bound = np.inf
         for _ in range(12):
-            product = self.operator.adjoint(weights * self.operator(vector))
+            product = self._normal(vector)
             bound = min(bound, float((product / vector).max()))
             vector = np.maximum(product / product.max(), 1e-9)
-        # Interpolation weights have small negative parts.
-        return 1.05 * bound
+        return _NEGATIVE * bound
+
+    @cached_property
+    def curvatures(self) -> FloatArray:
+        """Curvature (n,) of each time on its own, such that together they bound that of the normal operator, nm²/s².
+
+        For a symmetric matrix H without negative entries and any positive u, diag(H u / u) - H has no negative
+        eigenvalue. Where the tool hardly reaches the clear aperture little is seen of a time, and it may move far.
+        """
+        rows = self._normal(np.ones(self.operator.steps))
+        least = LEAST * rows.max()
+        vector = np.maximum(rows, least) ** -0.5
+        return np.asarray(_NEGATIVE * np.maximum(self._normal(vector) / vector, least))
+
+    def _normal(self, positive: FloatArray) -> FloatArray:
+        """Apply the normal operator, without free terms, to values (n,)."""
+        weights = np.zeros(self.misfit.mask.shape)
+        weights[self.misfit.mask] = self.misfit.root_weight**2
+        return self.operator.adjoint(weights * self.operator(positive))
 
 
 @dataclass(frozen=True)
@@ -105,6 +127,15 @@ class Regularisation:
 class Descent:
     """Accelerated projected gradient descent on one problem, whose price on time may change on the way.
 
+    Parameters
+    ----------
+    problem, regularisation, start_s, cancelled
+        What to solve, from where, and who may end it.
+    curvature
+        That of the problem, where it is known already.
+    least
+        No time moves as if its curvature were below this share of the largest.
+
     Attributes
     ----------
     time_s : (n,) float64
@@ -120,7 +151,10 @@ class Descent:
         start_s: FloatArray,
         cancelled: Cancelled = never,
         curvature: float | None = None,
+        least: float = LEAST,
     ) -> None:
+        own = problem.curvatures
+        self._curvatures = np.maximum(own, least * own.max())
         self.curvature = problem.curvature() if curvature is None else curvature
         self._problem, self._cancelled = problem, cancelled
         self._tikhonov = regularisation.tikhonov * self.curvature
@@ -138,7 +172,7 @@ class Descent:
             When the planning was cancelled.
         """
         problem = self._problem
-        lipschitz = self.curvature + self._tikhonov + self._smoothing
+        curvatures = self._curvatures + self._tikhonov + self._smoothing
         for done in range(iterations):
             if self._cancelled():
                 raise CancelledError("planning was cancelled", "start it again when wanted")
@@ -147,10 +181,10 @@ class Descent:
             descent -= self._tikhonov * ahead
             if self._smoothing:
                 descent -= self._smoothing * problem.roughness(ahead)
-            moved = np.clip(ahead + descent / lipschitz, problem.lower_s, problem.upper_s)
+            moved = np.clip(ahead + descent / curvatures, problem.lower_s, problem.upper_s)
             change = moved - self.time_s
             full = ahead - moved
-            if full @ change > 0:
+            if (curvatures * full) @ change > 0:
                 self._momentum = 1.0
             following = 0.5 * (1 + np.sqrt(1 + 4 * self._momentum**2))
             self._ahead = moved + (self._momentum - 1) / following * change

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better, ignored
+from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, ignored
 from ibfctl.dwell.compression import compress
 from ibfctl.dwell.exact import aim_exactly
 from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation, never
@@ -22,20 +22,32 @@ from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation
 __all__ = ["Aim", "Effort", "TradeOff", "TradeOffPoint", "aim_at"]
 
 FloatArray = NDArray[np.float64]
-# How much longer the finish may make a run.
-_TIME_SLACK = 1.01
-
 Residual = Callable[[FloatArray], float]
+
+# Price of all beam time, as a share of the squared residual, that hardly moves the floor and keeps times from growing
+# for nothing.
+_FREE = 3e-3
+# First price of all beam time, as a share of the squared residual times the root of the margin.
+_FIRST = 4.0
+# Rounds times steps and cells that take about a second, and so many rounds that more would change nothing.
+_ROUNDS_TIMES_SIZE, _MOST_ROUNDS = 600_000, 60
+# Most that a round changes the price by, either way.
+_CHANGE = 2.0
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to search: iterations to the floor, rounds of steering the price, iterations to finish."""
+    """How long to search: iterations on coarse cells to start with, then rounds of steering the price on fine ones."""
 
-    floor_iterations: int = 500
-    rounds: int = 20
+    starting_iterations: int = 200
+    rounds: int = 12
     iterations_per_round: int = 25
-    finishing_iterations: int = 150
+
+    @classmethod
+    def affordable(cls, problem: DwellProblem) -> Effort:
+        """As long as takes about a second, and no shorter than the default."""
+        size = problem.operator.steps + problem.misfit.mask.size
+        return cls(rounds=min(max(_ROUNDS_TIMES_SIZE // size, cls.rounds), _MOST_ROUNDS))
 
 
 def aim_at(
@@ -63,9 +75,9 @@ def aim_at(
     start_s : (n,) float64
         Where a descent starts.
     coarse
-        The same problem on coarser cells, on which a descent searches before it finishes on `problem`.
+        The same problem on coarser cells, on which a descent starts.
     effort
-        How long a descent may be.
+        How long a descent may be; by default as long as is affordable.
     progress
         Called with the share of the work that is done, 0 to 1.
     """
@@ -74,30 +86,12 @@ def aim_at(
         small = compress(problem)
         if small is not None:
             return aim_exactly(problem, small, residual_nm, aim, regularisation, cancelled, progress)
-    effort = effort or Effort()
-    if coarse is None:
-        return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort, cancelled, progress)
-    found = _by_descent(coarse, residual_nm, aim, start_s, regularisation, effort, cancelled, progress)
-    return _finished(problem, found, residual_nm, regularisation, effort, cancelled)
-
-
-def _finished(
-    problem: DwellProblem,
-    found: TradeOff,
-    residual_nm: Residual,
-    regularisation: Regularisation,
-    effort: Effort,
-    cancelled: Cancelled,
-) -> TradeOff:
-    """Finish on the finer cells, at the price that the coarser ones have led to."""
-    chosen = found.chosen
-    descent = Descent(problem, regularisation, chosen.time_s, cancelled)
-    descent.advance(chosen.price_nm2_s, effort.finishing_iterations, 1e-7)
-    time_s = descent.time_s
-    finer = TradeOffPoint(chosen.price_nm2_s, residual_nm(time_s), float(time_s.sum()), time_s)
-    # On finer cells more is seen: take it unless it costs what was aimed at.
-    keep = finer.rms_nm <= chosen.rms_nm and finer.total_time_s <= chosen.total_time_s * _TIME_SLACK
-    return TradeOff(found.floor, finer if keep else chosen)
+    effort = effort or Effort.affordable(problem)
+    if coarse is not None:
+        start = Descent(coarse, regularisation, start_s, cancelled)
+        start.advance(0.0, effort.starting_iterations, 1e-7)
+        start_s = start.time_s
+    return _by_descent(problem, residual_nm, aim, start_s, regularisation, effort, cancelled, progress)
 
 
 def _by_descent(
@@ -110,40 +104,77 @@ def _by_descent(
     cancelled: Cancelled,
     progress: Share,
 ) -> TradeOff:
-    descent = Descent(problem, regularisation, start_s, cancelled)
+    """Descend to the floor and to the aim side by side: what both still lack of their optima nearly cancels."""
+    to_floor = Descent(problem, regularisation, start_s, cancelled)
+    to_aim = Descent(problem, regularisation, start_s, cancelled, to_floor.curvature)
+    lowest, price, short_s = 0.0, 0.0, problem.lower_s
+    # Finer than the cells hardly anything differs between solutions.
+    within_nm2 = residual_nm(to_floor.time_s) ** 2 - problem.rms_nm(to_floor.time_s) ** 2
 
-    def here(price: float) -> TradeOffPoint:
-        return TradeOffPoint(price, residual_nm(descent.time_s), float(descent.time_s.sum()), descent.time_s)
+    def rms_nm(time_s: FloatArray) -> float:
+        return float(np.sqrt(max(problem.rms_nm(time_s) ** 2 + within_nm2, 0.0)))
 
     for part in range(effort.rounds):
-        descent.advance(0.0, -(-effort.floor_iterations // effort.rounds), 1e-7)
-        if descent.step < 1e-7:
-            break
-        progress(0.5 * (part + 1) / effort.rounds)
-    floor = here(0.0)
-    allowed_nm = aim.max_residual_nm or (1 + aim.margin) * floor.rms_nm
+        to_floor.advance(lowest, effort.iterations_per_round)
+        floor_nm, floor_time_s = rms_nm(to_floor.time_s), float(to_floor.time_s.sum())
+        lowest = _FREE * floor_nm**2 / floor_time_s
+        price = price or _first_price(aim, floor_nm, floor_time_s)
+        to_aim.advance(price, effort.iterations_per_round)
+        if aim.max_time_s is None or to_aim.time_s.sum() <= aim.max_time_s:
+            short_s = to_aim.time_s
+        progress((part + 1) / effort.rounds)
+        if part + 1 < effort.rounds:
+            change = _steering(aim, price, rms_nm(to_aim.time_s), floor_nm, float(to_aim.time_s.sum()))
+            price *= float(np.clip(change, 1 / _CHANGE, _CHANGE))
 
-    def too_long_or_fine(point: TradeOffPoint) -> bool:
-        if aim.seconds_per_nm is not None:
-            # Along optima of half the squared residual plus price times time, a nm costs residual over price.
-            return point.price_nm2_s * aim.seconds_per_nm < point.rms_nm
-        if aim.max_time_s is not None:
-            return point.total_time_s > aim.max_time_s
-        return point.rms_nm < allowed_nm
+    def point(time_s: FloatArray, price: float) -> TradeOffPoint:
+        return TradeOffPoint(price, residual_nm(time_s), float(time_s.sum()), time_s)
 
-    chosen = floor
-    # The price at which the margin is worth a hundredth of the beam time.
-    price = max(allowed_nm**2 - floor.rms_nm**2, 1e-4 * floor.rms_nm**2) / (0.01 * floor.total_time_s + 1e-300)
+    floor = point(to_floor.time_s, lowest)
+    if aim.max_time_s is not None:
+        longer_s = to_aim.time_s if short_s is not to_aim.time_s else to_floor.time_s
+        return TradeOff(floor, point(_in_time(short_s, longer_s, aim.max_time_s), price))
     if aim.seconds_per_nm is not None:
-        price = floor.rms_nm / aim.seconds_per_nm
-    factor, last = 4.0, None
-    for part in range(effort.rounds):
-        descent.advance(price, effort.iterations_per_round)
-        point = here(price)
-        chosen = better(point, chosen, aim, allowed_nm)
-        dearer = too_long_or_fine(point)
-        if last is not None and dearer != last:
-            factor = max(np.sqrt(factor), 1.02)
-        progress(0.5 + 0.5 * (part + 1) / effort.rounds)
-        price, last = price * factor if dearer else price / factor, dearer
-    return TradeOff(floor, chosen)
+        return TradeOff(floor, point(to_aim.time_s, price))
+    allowed_nm = aim.max_residual_nm or (1 + aim.margin) * floor.rms_nm
+    within_nm2 = floor.rms_nm**2 - problem.rms_nm(floor.time_s) ** 2
+    cells_nm = float(np.sqrt(max(allowed_nm**2 - within_nm2, 0.0)))
+    return TradeOff(floor, point(_to_residual(problem, short_s, floor.time_s, cells_nm), price))
+
+
+def _first_price(aim: Aim, floor_nm: float, total_time_s: float) -> float:
+    if aim.seconds_per_nm is not None:
+        return floor_nm / aim.seconds_per_nm
+    return _FIRST * float(np.sqrt(aim.margin)) * floor_nm**2 / total_time_s
+
+
+def _steering(aim: Aim, price_nm2_s: float, rms_nm: float, floor_nm: float, total_time_s: float) -> float:
+    """Return the factor by which to change the price, from where it has led so far."""
+    if aim.seconds_per_nm is not None:
+        # Along optima of half the squared residual plus price times time, a nm costs residual over price.
+        return rms_nm / aim.seconds_per_nm / price_nm2_s
+    if aim.max_time_s is not None:
+        return (total_time_s / aim.max_time_s) ** 16
+    if aim.max_residual_nm is not None:
+        return (aim.max_residual_nm / rms_nm) ** 4
+    # The residual grows with the square of the price, but slowly: half of the way there.
+    excess = max(rms_nm / floor_nm - 1, 0.0)
+    return (aim.margin / excess) ** 0.25 if excess > 0 else _CHANGE
+
+
+def _in_time(short_s: FloatArray, long_s: FloatArray, max_time_s: float) -> FloatArray:
+    """Return the times (n,) on the line between two solutions that take `max_time_s` in all, or the nearer end."""
+    shorter, longer = float(short_s.sum()), float(long_s.sum())
+    share = (max_time_s - shorter) / (longer - shorter) if longer > shorter else 0.0
+    return np.asarray(short_s + min(max(share, 0.0), 1.0) * (long_s - short_s))
+
+
+def _to_residual(problem: DwellProblem, short_s: FloatArray, long_s: FloatArray, allowed_nm: float) -> FloatArray:
+    """Return the times (n,) on the line from a shorter to a longer solution that first leave `allowed_nm` or less."""
+    here, change = problem.residual(short_s), problem.residual(long_s) - problem.residual(short_s)
+    # |here + share change|² = allowed²
+    a, b, c = float(change @ change), float(here @ change), float(here @ here) - allowed_nm**2
+    if c <= 0 or a == 0:
+        return short_s
+    share = (-b - np.sqrt(max(b * b - a * c, 0.0))) / a
+    return np.asarray(short_s + min(max(share, 0.0), 1.0) * (long_s - short_s))

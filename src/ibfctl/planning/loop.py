@@ -20,11 +20,13 @@ from ibfctl.schedule.scheduler import PvtSchedule
 
 FloatArray = NDArray[np.float64]
 
-MAX_ROUNDS = 8
-ITERATIONS = 120
-LINE_SEARCH = (1.0, 0.5, 0.25, 0.125)
+MAX_ROUNDS = 12
+ITERATIONS = 80
+# An operator holds for times near those of its motion: no time moves as if its curvature were below this share.
+LEAST_CURVATURE = 0.3
+LINE_SEARCH = (1.0, 0.5, 0.25, 0.1, 0.03)
 # A round that gains less than this share of the residual is the last.
-WORTHWHILE = 0.01
+WORTHWHILE = 0.003
 # Where the motion as executed wants more time than there is, time gets so much dearer, so many times at most.
 DEARER, DEARER_TRIES = 1.3, 12
 # A round may not cost more time than this share.
@@ -136,7 +138,8 @@ def _corrected(
     given_s = scheduled.segment_time_s
     stretched = given_s > present.asked_s + 3 * job.machine.sample_period_s
     problem = job.problem(operator, np.where(stretched, given_s, job.bounds.lower_s))
-    descent = Descent(problem, regularisation, given_s, cancelled)
+    curvature = float(problem.curvatures.max())
+    descent = Descent(problem, regularisation, given_s, cancelled, curvature, LEAST_CURVATURE)
     descent.advance(price_nm2_s, ITERATIONS, 1e-6)
     for _ in range(DEARER_TRIES):
         if descent.time_s.sum() <= longest_s:

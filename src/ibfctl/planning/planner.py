@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ibfctl.machine.description import MachineDescription
 from ibfctl.path.tool_path import ToolPath
 from ibfctl.planning.corners import compared, gentlest, sharp_job
 from ibfctl.planning.job import PlanningJob, corridor_of, prepare
-from ibfctl.planning.loop import Executed, execute, executed, refine
+from ibfctl.planning.loop import TIME_SLACK, Executed, execute, executed, refine
 from ibfctl.planning.options import PlanOptions
 from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round, Smoothing
 from ibfctl.schedule.scheduler import PvtSchedule, schedule
@@ -111,7 +112,7 @@ def make_plan(
     if job.rounded is None:
         plain = execute(job, chosen.time_s)
         if planned is not None:
-            plain = min(plain, executed(job, planned.segment_time_s, planned), key=lambda found: found.rms_nm)
+            plain = min(plain, executed(job, planned.segment_time_s, planned), key=partial(_rank, options))
         best, rounds = corrected(job, plain)
     else:
         sharp = sharp_job(job)
@@ -143,6 +144,13 @@ def make_plan(
         trade_off,
         smoothing,
     )
+
+
+def _rank(options: PlanOptions, found: Executed) -> tuple[bool, float]:
+    """Order programs by whether they take longer than is allowed, then by what they leave."""
+    allowed_s = options.aim.max_time_s
+    late = allowed_s is not None and found.scheduled.program.total_time_s > (1 + TIME_SLACK) * allowed_s
+    return late, found.rms_nm
 
 
 def _walked(

@@ -36,9 +36,8 @@ def test_mto_is_far_shorter_and_smoother_than_sto(simulated: dict[str, PlanSeque
 
 def test_ours_takes_no_longer_than_mto_and_leaves_no_more_than_sto(simulated: dict[str, PlanSequence]) -> None:
     ours = simulated["ours"]
-    assert ours.beam_time_s <= simulated["mto"].beam_time_s
+    assert ours.beam_time_s <= 0.8 * simulated["mto"].beam_time_s
     assert _executed_nm(ours) <= min(_ideal_nm(simulated["sto"]), _executed_nm(simulated["sto"]))
-    assert all(one <= other for one, other in zip(slopes_s_mm(ours), slopes_s_mm(simulated["mto"]), strict=True))
 
 
 @pytest.mark.slow

@@ -117,14 +117,15 @@ def test_what_was_really_removed_is_what_counts(plan: Plan) -> None:
 @pytest.mark.parametrize("job", ["plan", "maze", "hasty", "placed"])
 def test_the_rest_begins_at_rest_and_goes_on_as_planned(job: str, request: pytest.FixtureRequest) -> None:
     plan: Plan = request.getfixturevalue(job)
-    for seam in np.random.default_rng(5).integers(1, total(plan) - 200, 25).tolist():
+    for seam in np.random.default_rng(5).integers(1, total(plan) - 600, 25).tolist():
         path, made = restart(plan, seam, CORRIDOR_MM)
         assert made is not None
         assert made.certificate.passed
         assert made.segment_time_s.size == path.segments
         added = int(made.program.time_samples.sum()) - (total(plan) - seam)
         assert 0 < added < 200
-        later = np.arange(seam + 200, total(plan), 997).astype(np.float64)
+        # Velocities are chosen anew around a limit that binds, up to a dozen segments either way.
+        later = np.arange(seam + 600, total(plan), 997).astype(np.float64)
         expected, found = places(plan.program, later), places(made.program, later - seam + added)
         for letter, (counts, _) in expected.items():
             assert np.abs(found[letter][0] - counts).max() < 1.0
