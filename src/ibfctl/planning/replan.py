@@ -21,6 +21,7 @@ from ibfctl.planning.job import corridor_of, seen_on_part
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.planner import Progress, make_plan
 from ibfctl.planning.restart import places, restart
+from ibfctl.planning.target import Target
 from ibfctl.surface.levelling import rms
 
 FloatArray = NDArray[np.float64]
@@ -109,11 +110,14 @@ def replan(
     """
     if plan.surface is None or plan.influence is None or plan.prediction is None:
         raise InputError("re-planning: the plan holds no map", "make it with `ibfctl plan`, not `ibfctl schedule`")
-    surface = replace(plan.surface, height_nm=plan.surface.height_nm - removal_nm)
+    surface = replace(plan.surface, height_nm=_wanted_nm(plan) - removal_nm)
     path, planned = restart(plan, seam, corridor_of(plan.options))
     aim = _aim(plan, seam, path)
     # Corners that were rounded stay so: their blocks are in the path that is left.
     options = replace(plan.options, path="nodes", l_curve=False, trade_off=False, aim=aim, corner_tolerance_mm=None)
+    if options.extra_removal_nm is not None:
+        # The depth is in the map now: it must not go a second time.
+        options = replace(options, remove="none", extra_removal_nm=None)
     make = partial(
         make_plan,
         surface,
@@ -133,6 +137,19 @@ def replan(
             raise
         # That is out of reach for the rest alone: then as near to it as can be.
         return make(replace(options, aim=Aim()))
+
+
+def _wanted_nm(plan: Plan) -> FloatArray:
+    """Return what was to go from every pixel (ny, nx): the map, and the depth beside it where there is one."""
+    assert plan.surface is not None
+    assert plan.influence is not None
+    assert plan.prediction is not None
+    if plan.options.extra_removal_nm is None:
+        return plan.surface.height_nm
+    mask, influence = plan.prediction.clear_aperture, seen_on_part(plan.influence, plan.options.placement)
+    wanted_nm = plan.surface.height_nm.copy()
+    wanted_nm[mask] = Target.of(plan.surface, influence, mask, plan.options).wanted_nm
+    return wanted_nm
 
 
 def _aim(plan: Plan, seam: float, path: ToolPath) -> Aim:

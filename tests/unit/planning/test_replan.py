@@ -156,3 +156,24 @@ def test_a_program_of_another_path_is_refused(plan: Plan) -> None:
     other = replace(plan, path=ToolPath(plan.path.x_mm + 0.5, plan.path.y_mm))
     with pytest.raises(InputError, match="path and program of the plan differ"):
         restart(other, 1000, CORRIDOR_MM)
+
+
+@pytest.mark.parametrize("remove", ["tilt", "none"])
+def test_a_depth_that_goes_everywhere_goes_only_once(remove: str) -> None:
+    deep = planned(replace(COARSE, extra_removal_nm=30.0, remove=remove, loop=False))
+    assert deep.prediction is not None
+    seam = 0.4 * total(deep)
+    so_far_nm = removal_of_intervals(deep, [(0, seam)])
+    rest = replan(deep, so_far_nm, seam)
+    assert rest.prediction is not None
+    whole_nm, removed_nm = deep.prediction.executed_removal_nm, so_far_nm + rest.prediction.executed_removal_nm
+    assert removed_nm.mean() == pytest.approx(whole_nm.mean(), rel=0.01)
+    assert rms(removed_nm - whole_nm) < 0.01 * whole_nm.mean()
+    assert final_rms_nm(rest) < 1.1 * final_rms_nm(deep)
+    # And once more, from where the rest was interrupted.
+    later = 0.5 * total(rest)
+    second_nm = removal_of_intervals(rest, [(0, later)])
+    last = replan(rest, second_nm, later)
+    assert last.prediction is not None
+    removed_nm = so_far_nm + second_nm + last.prediction.executed_removal_nm
+    assert removed_nm.mean() == pytest.approx(whole_nm.mean(), rel=0.01)
