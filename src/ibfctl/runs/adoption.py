@@ -6,7 +6,6 @@ A worker lives as long as the lock of its folder is held: a process id may belon
 from __future__ import annotations
 
 import os
-from datetime import UTC, datetime
 from pathlib import Path
 
 from ibfctl.runs import status
@@ -59,15 +58,10 @@ def interrupt_orphans(data: Path) -> list[Path]:
                     continue
                 check(state, RunState.INTERRUPTED)
                 journal.append(folder.name, "state", {"state": RunState.INTERRUPTED, "was": state, "reason": REASON})
-                _show(folder)
+                # What the worker said of the gate holds no more.
+                status.amend(folder, state=RunState.INTERRUPTED, reason=REASON, gate="unknown")
                 interrupted.append(folder)
             finally:
                 os.close(lock)
     return interrupted
 
-
-def _show(folder: Path) -> None:
-    """Put right the status that the worker has left: what it said of the gate holds no more."""
-    shown = status.read(folder) or {"run": folder.name, "seq": 0}
-    told = {"state": RunState.INTERRUPTED, "reason": REASON, "gate": "unknown", "seq": shown["seq"] + 1}
-    status.write(folder, {**shown, **told, "at": datetime.now(UTC).isoformat(timespec="milliseconds")})

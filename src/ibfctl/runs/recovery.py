@@ -102,6 +102,7 @@ def recover(folder: Path, connect: Connect = drivers.connect) -> Recovered:
             finally:
                 controller.close()
             journal.append(folder.name, "recovered", asdict(found))
+        status.amend(folder, gate="closed")
         record_run(folder)
     finally:
         os.close(lock)

@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
 
 import h5py
@@ -28,6 +29,7 @@ from ibfctl.surface.map import SurfaceMap
 
 FORMAT = "ibfctl-run/1"
 SEVERAL_FORMAT = "ibfctl-tools-run/1"
+_PACKAGES = ("ibfctl", "numpy", "scipy", "h5py")
 _FIGURES = ("rms_nm", "pv_nm", "max_difference_nm", "rms_difference_nm")
 
 
@@ -101,6 +103,7 @@ def write_run(path: Path, plan: Plan, plan_file: InputFile, record: RunRecord, a
             file.attrs[name] = getattr(record, name)
         file.attrs["state"] = str(record.state)  # HDF5 knows no enumerations of texts
         file.attrs["machine"] = record.machine.model_dump_json()
+        file.attrs["versions"] = json.dumps({name: metadata.version(name) for name in _PACKAGES})
         fill_plan(file.create_group("plan"), plan)
         intervals = np.array(record.executed, dtype=np.int64).reshape(-1, 2)
         file.create_dataset("executed/plan_samples", data=intervals)

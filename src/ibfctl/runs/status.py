@@ -31,6 +31,16 @@ def write(folder: Path, status: Mapping[str, Any]) -> None:
         partial.write_text(dump(status), encoding="utf-8")
 
 
+def amend(folder: Path, **fields: Any) -> None:
+    """Change fields of the status that a worker has left, which no longer lives."""
+    left = read(folder) or {"run": folder.name, "seq": 0}
+    write(folder, {**left, **fields, "seq": left["seq"] + 1, "at": _now()})
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
 class StatusWriter:
     """Writes the status of a run from a thread of its own: whoever tells it something never waits for a disk.
 
@@ -77,7 +87,7 @@ class StatusWriter:
     def _write(self) -> None:
         with self._lock:
             self._seq += 1
-            status = {**self._status, "seq": self._seq, "at": datetime.now(UTC).isoformat(timespec="milliseconds")}
+            status = {**self._status, "seq": self._seq, "at": _now()}
         try:
             write(self._folder, status)
         except OSError:  # the run goes on; an old status shows its age

@@ -1,5 +1,6 @@
 """The journal's writer: motion never waits, and what is recorded is not lost when the journal fails."""
 
+import resource
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -119,3 +120,27 @@ def test_without_any_disk_events_wait_in_memory(path: Path, tmp_path: Path) -> N
         assert not writer.flush(0.01)
     writer.close()
     assert numbers(path) == [0, 1]
+
+
+def test_a_full_disk_holds_nobody_up_and_loses_nothing(path: Path, tmp_path: Path) -> None:
+    """No file may grow beyond the journal's present size: the side file fits, the journal does not."""
+    side = tmp_path / "side"
+    writer = JournalWriter(path, "r1", side)
+    for number in range(200):
+        writer.record("act", {"number": number, "padding": "x" * 200})
+    assert writer.flush(10)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.with_name("journal.db-wal").stat().st_size, hard))
+    try:
+        for number in range(200, 250):
+            writer.record("act", {"number": number})
+        until(lambda: not writer.ok and side.exists())
+        assert writer.flush(10)  # in the side file
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    until(lambda: writer.ok)
+    writer.close()
+    assert numbers(path) == list(range(250))
+    with Journal.open(path) as journal:
+        (fault,) = journal.events(run="r1", kind="fault")
+    assert "could not be written" in fault.data["message"]

@@ -103,6 +103,9 @@ def test_the_stamps_tell_to_the_sample(folder: Path) -> None:
     happened(folder, *MOVING)
     recovered = found(folder, AnsweringController(stamps(7000, 7000, 7000 + 4321)))
     assert recovered == Recovered(((0, 4321),), 0, 4321, can_resume=True, begun_samples=7000)
+    shown = status.read(folder)
+    assert shown is not None
+    assert (shown["state"], shown["gate"]) == ("interrupted", "closed")
 
 
 def test_a_gate_that_nobody_closed_was_open_to_the_end_of_the_plan_and_no_longer(folder: Path) -> None:
