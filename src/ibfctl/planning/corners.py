@@ -36,10 +36,13 @@ def gentlest(
     Returns
     -------
     job, executed
-        With the accelerations to stay below, and its program for the dwell times.
+        With the accelerations to stay below, and its program for the dwell times; where no corner slows the motion
+        down there is nothing to gain, and all stays as it is.
     """
     assert job.rounded is not None
     peak = {letter: peak for letter, (_, peak) in peaks(sharp.scheduled.program).items()}
+    if not job.rounded.smoothed.corners.transition_mm.any():
+        return job, execute(job, dwell_s)
     rounded = job.rounded.balanced(dwell_s, job.machine)
     longest_s = (1 + TIME_SLACK) * sharp.scheduled.program.total_time_s
     for share in _SHARES:

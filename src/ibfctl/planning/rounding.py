@@ -16,9 +16,6 @@ from ibfctl.path.tool_path import ToolPath
 from ibfctl.schedule.scheduler import PvtSchedule
 from ibfctl.schedule.smoothed import balanced, schedule_smoothed
 
-# Part of the corner tolerance that is left to the motion around the chords of the pieces: blocks of any angle, walked
-# as they are, leave the chords of their halves by less.
-_CORRIDOR_SHARE = 0.3
 # Counts that a corner tolerance must be worth at the least.
 _LEAST_COUNTS = 10
 
@@ -31,14 +28,11 @@ class Rounded:
     ----------
     smoothed
         The path in pieces.
-    corridor_mm
-        How far the motion may leave the chord of a piece.
     a_max_mm_s2
         Accelerations to stay below, by axis letter; None for the machine's limits alone.
     """
 
     smoothed: SmoothedPath
-    corridor_mm: float
     a_max_mm_s2: Mapping[str, float] | None = None
 
     def balanced(self, dwell_s: NDArray[np.float64], machine: MachineDescription) -> Rounded:
@@ -53,7 +47,6 @@ class Rounded:
             self.smoothed,
             dwell_s,
             machine,
-            self.corridor_mm,
             a_max_mm_s2=self.a_max_mm_s2,
             jerk_max_mm_s3=jerk_max_mm_s3,
         )
@@ -67,7 +60,7 @@ def rounded(path: ToolPath, machine: MachineDescription, tolerance_mm: float, co
     tolerance_mm
         Largest distance of the motion from the programmed path.
     corridor_mm
-        As chosen for the path; narrowed to what the tolerance leaves.
+        As chosen for the path.
 
     Raises
     ------
@@ -81,5 +74,4 @@ def rounded(path: ToolPath, machine: MachineDescription, tolerance_mm: float, co
             "correct --corner-tolerance-mm",
         )
     # A node lies within half a count of where it should, on both axes.
-    corridor_mm = min(corridor_mm, _CORRIDOR_SHARE * (tolerance_mm - 0.5 * count_mm))
-    return Rounded(smoothed_path(path, tolerance_mm, corridor_mm, 0.5 * count_mm), corridor_mm)
+    return Rounded(smoothed_path(path, tolerance_mm, corridor_mm, 0.5 * count_mm))

@@ -76,7 +76,7 @@ def certify(
     path: ToolPath,
     time_s: FloatArray,
     source_segment: IntArray,
-    corridor_mm: float,
+    corridor_mm: float | FloatArray,
 ) -> Certificate:
     """Check a program against the machine and the path it was made for.
 
@@ -90,7 +90,7 @@ def certify(
     source_segment : (segments of the program,) int64
         Segment of the path that each segment of the program belongs to.
     corridor_mm
-        Largest allowed distance from a segment's chord.
+        Largest allowed distance from a segment's chord; one, or (segments of the program,).
     """
     checks = []
     planar = {}
@@ -138,8 +138,11 @@ def certify(
     period_s = program.sample_period_s
     elapsed_s = np.concatenate([[0.0], np.cumsum(program.time_s)])[reached]
     time_error_s = np.abs(elapsed_s - np.concatenate([[0.0], np.cumsum(time_s)]))
+    left_mm = excursion(planar["x"], planar["y"])
+    allowed_mm = np.broadcast_to(corridor_mm, left_mm.shape)
+    worst = int(np.argmax(left_mm / allowed_mm))
     checks += [
-        Check("excursion_mm", _largest(excursion(planar["x"], planar["y"])), corridor_mm),
+        Check("excursion_mm", float(left_mm[worst]), float(allowed_mm[worst])),
         Check("longest_segment_samples", _largest(samples), MAX_SEGMENT_SAMPLES),
         Check("shortest_segment_below_two_samples", float(np.maximum(2.0 - samples.min(), 0.0)), 0.0),
         Check("odd_segments", float((samples % 2).sum()), 0.0),

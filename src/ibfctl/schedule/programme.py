@@ -27,7 +27,7 @@ _HAS_ANSWER = (
 def solve_programme(
     tasks: Tasks,
     time_s: FloatArray,
-    corridor_mm: float,
+    corridor_mm: float | FloatArray,
     held_mm_s: Pair,
     wanted: NDArray[np.bool_],
 ) -> Pair:
@@ -210,7 +210,7 @@ def _add_limits(rows: _Rows, axis: int) -> None:
         between(twist, twist, turn - 1, turn + 1)
 
 
-def _add_corridor(rows: _Rows, corridor_mm: float) -> None:
+def _add_corridor(rows: _Rows, corridor_mm: float | FloatArray) -> None:
     """Bound the velocity across the chord at both ends of slanted segments.
 
     The distance from the chord is at most a quarter of the segment's time times the larger of the two.
@@ -225,6 +225,7 @@ def _add_corridor(rows: _Rows, corridor_mm: float) -> None:
     length = np.hypot(move_x, move_y)
     speed = length / time_s
     step = np.hypot(x.resolution_mm_s, y.resolution_mm_s)
-    bound = np.maximum(4 * corridor_mm * (1 - SOLVER_MARGIN) / time_s - step, 0.0) / speed
+    corridor = np.broadcast_to(corridor_mm, columns.time_s.shape)[slanted]
+    bound = np.maximum(4 * corridor * (1 - SOLVER_MARGIN) / time_s - step, 0.0) / speed
     for node in (slanted, slanted + 1):
         rows.add((0, node, -move_y / length / speed), (1, node, move_x / length / speed), lower=-bound, upper=bound)

@@ -61,7 +61,7 @@ def schedule(
     path: ToolPath,
     dwell_s: FloatArray,
     machine: MachineDescription,
-    corridor_mm: float,
+    corridor_mm: float | FloatArray,
     *,
     stretch: bool = False,
     jerk_max_mm_s3: float | None = None,
@@ -77,7 +77,7 @@ def schedule(
     machine
         Scales and limits.
     corridor_mm
-        How far the motion may leave the straight line between two nodes.
+        How far the motion may leave the straight line between two nodes; one, or (n,).
     stretch
         Lengthen the times of segments that the limits do not allow, instead of refusing.
     jerk_max_mm_s3
@@ -96,6 +96,7 @@ def schedule(
     _check_times(dwell_s, path, machine.sample_period_s)
     if jerk_max_mm_s3 is not None:
         machine = with_jerk_limit(machine, jerk_max_mm_s3)
+    corridor_mm = np.broadcast_to(corridor_mm, (path.segments,))
     asked = needed = even_samples(dwell_s, machine.sample_period_s)
     at_rest = np.zeros(path.segments, dtype=bool)
     known: Known | None = None
@@ -105,7 +106,8 @@ def schedule(
         needed = _per_segment(counted, counted.time_samples, path)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
         tasks = axis_tasks(counted, machine, at_rest)
-        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=enough or share >= 1, known=known)
+        corridor = corridor_mm[counted.source_segment]
+        solution = solve_velocities(tasks, time_s, corridor, last_resort=enough or share >= 1, known=known)
         if not solution.excess.any():
             break
         known = Known(tasks, time_s, solution)
@@ -124,7 +126,7 @@ def schedule(
         raise _times_too_short(path, seconds(needed - asked, machine.sample_period_s))
     program = _program(counted, solution.velocity_mm_s, machine)
     time_s = dwell_s + seconds(needed - asked, machine.sample_period_s)
-    certificate = certify(program, machine, path, time_s, counted.source_segment, corridor_mm)
+    certificate = certify(program, machine, path, time_s, counted.source_segment, corridor)
     if not certificate.passed:
         failed = next(check for check in certificate.checks if not check.passed)
         raise SolverError(

@@ -57,7 +57,6 @@ def schedule_smoothed(
     smoothed: SmoothedPath,
     dwell_s: FloatArray,
     machine: MachineDescription,
-    corridor_mm: float,
     *,
     a_max_mm_s2: Mapping[str, float] | None = None,
     jerk_max_mm_s3: float | None = None,
@@ -70,7 +69,7 @@ def schedule_smoothed(
         n programmed segments in pieces that share their times, see `balanced`.
     dwell_s : (n,) float64
         Times of the programmed segments.
-    machine, corridor_mm, jerk_max_mm_s3
+    machine, jerk_max_mm_s3
         As for `schedule`.
     a_max_mm_s2
         Accelerations to stay below, by axis letter, beside the limits of the machine.
@@ -90,12 +89,12 @@ def schedule_smoothed(
         machine = with_jerk_limit(machine, jerk_max_mm_s3)
     limited = machine if a_max_mm_s2 is None else _with_accelerations(machine, a_max_mm_s2)
     samples = _whole_pairs(smoothed, even_samples(dwell_s, machine.sample_period_s))
-    samples = _lengthened(smoothed, samples, limited, corridor_mm)
+    samples = _lengthened(smoothed, samples, limited)
     scheduled = schedule(
         smoothed.pieces,
         seconds(samples, machine.sample_period_s),
         limited,
-        corridor_mm,
+        smoothed.corridor_mm,
         stretch=True,
     )
     limits = {f"peak_acceleration_mm_s2.{letter}": axis.a_max_mm_s2 for letter, axis in machine.axes.items()}
@@ -151,9 +150,7 @@ def _whole_pairs(smoothed: SmoothedPath, segment_samples: IntArray) -> IntArray:
         pairs[largest[left[largest] > 0]] += 1
 
 
-def _lengthened(
-    smoothed: SmoothedPath, samples: IntArray, machine: MachineDescription, corridor_mm: float
-) -> IntArray:
+def _lengthened(smoothed: SmoothedPath, samples: IntArray, machine: MachineDescription) -> IntArray:
     """Lengthen the pieces (m,) that break a limit until none does, or lengthening them does not help."""
     moving = np.zeros(smoothed.pieces.segments, dtype=bool)
     for _ in range(_LENGTHENING_ROUNDS):
@@ -161,6 +158,7 @@ def _lengthened(
         tasks = axis_tasks(counted, machine, moving)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
         excess = np.zeros(samples.size)
+        corridor_mm = smoothed.corridor_mm[counted.source_segment]
         solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=False)
         np.maximum.at(excess, counted.source_segment, solution.excess)
         if not excess.any():

@@ -76,7 +76,7 @@ def stretches(tasks: Tasks, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def limit_excess(
-    tasks: Tasks, velocities: tuple[FloatArray, FloatArray], time_s: FloatArray, corridor_mm: float
+    tasks: Tasks, velocities: tuple[FloatArray, FloatArray], time_s: FloatArray, corridor_mm: float | FloatArray
 ) -> FloatArray:
     """Relative excess of each segment (n,) over its limits, from the cubics that the controller will execute."""
     excess = np.zeros(time_s.size)

@@ -66,7 +66,7 @@ class Known:
 def solve_velocities(
     tasks: Tasks,
     time_s: FloatArray,
-    corridor_mm: float,
+    corridor_mm: float | FloatArray,
     *,
     last_resort: bool,
     known: Known | None = None,
@@ -80,7 +80,7 @@ def solve_velocities(
     time_s : (n,) float64
         Duration of each segment.
     corridor_mm
-        Largest distance of the path from a segment's chord.
+        Largest distance of the path from a segment's chord, one or (n,).
     last_resort
         Where the programme's answer breaks a limit, move along the chords: certain in `sufficient_samples`.
     known
@@ -125,7 +125,7 @@ def solve_velocities(
 def _rest_where_broken(
     tasks: Tasks,
     time_s: FloatArray,
-    corridor_mm: float,
+    corridor_mm: float | FloatArray,
     velocities: tuple[FloatArray, FloatArray],
     excess: FloatArray,
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:

@@ -21,7 +21,7 @@ def path_of(*nodes: tuple[float, float]) -> ToolPath:
 
 def test_an_elbow_is_walked_in_four_pieces() -> None:
     corners = smooth_corners(path_of((0, 0), (4, 0), (4, 2)), TOLERANCE_MM, 1.0)
-    smoothed = in_pieces(corners, TOLERANCE_MM)
+    smoothed = in_pieces(corners, TOLERANCE_MM, TOLERANCE_MM, 0.01)
     length = corners.transition_mm[0]
     middle = TOLERANCE_MM / np.sqrt(2)
     np.testing.assert_allclose(smoothed.pieces.x_mm, [0, 4 - length, 4 - middle, 4, 4])
@@ -37,7 +37,7 @@ def test_every_segment_keeps_its_time_and_its_place(kind: str) -> None:
     walk = np.cumsum(random.integers(-1, 2, (2, 80)), axis=1) + 0.2 * random.normal(size=(2, 80)) * (np.arange(80) > 40)
     walk[:, 10] = walk[:, 9]  # a repeated node
     path = maze(Rectangle(0, 6, 0, 4), 0.5, seed=1) if kind == "maze" else ToolPath(*walk)
-    smoothed = smoothed_path(path, TOLERANCE_MM, 0.3 * TOLERANCE_MM)
+    smoothed = smoothed_path(path, TOLERANCE_MM, TOLERANCE_MM)
     np.testing.assert_allclose(smoothed.sums(smoothed.share), 1.0)
     assert (smoothed.share >= 0).all()
     assert (np.diff(smoothed.segment) >= 0).all()
@@ -56,14 +56,30 @@ def test_every_segment_keeps_its_time_and_its_place(kind: str) -> None:
 
 def test_rounding_of_nodes_and_motion_around_chords_come_out_of_the_tolerance() -> None:
     path = path_of((0, 0), (4, 0), (8, 1))  # a turn of 14 degrees: the cosine of half of it is near one
-    corners = smoothed_path(path, TOLERANCE_MM, 0.3 * TOLERANCE_MM, rounding_mm=0.001).corners
+    corners = smoothed_path(path, TOLERANCE_MM, TOLERANCE_MM, rounding_mm=0.001).corners
     cosine = np.cos(0.5 * np.arctan2(1, 4))
-    assert corners.deviation_mm[0] * cosine == pytest.approx(0.7 * TOLERANCE_MM - 0.001, abs=1e-12)
+    assert corners.deviation_mm[0] * cosine == pytest.approx(0.7 * (TOLERANCE_MM - 0.001), abs=1e-12)
 
 
 def test_corners_side_by_side_leave_no_crumbs() -> None:
     """Where two blocks fill a segment there is one node between them, not two a hair apart."""
     path = maze(Rectangle(0, 6, 0, 4), 0.5, seed=1)
-    smoothed = in_pieces(smooth_corners(path, 5.0, 1.0), 5.0)
+    smoothed = in_pieces(smooth_corners(path, 5.0, 1.0), 5.0, 5.0, 1.0)
     assert smoothed.corners.leg_mm.min() == pytest.approx(0.0, abs=1e-12)
     assert smoothed.pieces.length_mm.min() > 0.1
+
+
+def test_gentle_turns_stay_as_they_are() -> None:
+    turn = np.linspace(0, 20, 300)
+    spiral = ToolPath(3 * turn * np.cos(turn), 3 * turn * np.sin(turn))
+    dense = ToolPath(spiral.x_mm[200:] / 20, spiral.y_mm[200:] / 20)
+    smoothed = smoothed_path(dense, TOLERANCE_MM, TOLERANCE_MM)
+    assert not smoothed.corners.transition_mm.any()
+    np.testing.assert_array_equal(smoothed.pieces.x_mm, dense.x_mm)
+    np.testing.assert_allclose(smoothed.share, 1.0)
+    assert smoothed.corridor_mm == pytest.approx(TOLERANCE_MM)
+
+
+def test_the_corridor_is_narrow_around_blocks_alone() -> None:
+    smoothed = smoothed_path(path_of((0, 0), (4, 0), (4, 2)), TOLERANCE_MM, TOLERANCE_MM)
+    np.testing.assert_allclose(smoothed.corridor_mm, np.array([1.0, 0.3, 0.3, 1.0]) * TOLERANCE_MM)

@@ -22,7 +22,7 @@ from ibfctl.schedule.smoothed import balanced, schedule_smoothed
 from ibfctl.surface.map import Rectangle
 
 TOLERANCE_MM = 0.025
-CORRIDOR_MM = 0.3 * (TOLERANCE_MM - 1e-4)
+CORRIDOR_MM = TOLERANCE_MM
 PATH = maze(Rectangle(0, 4, 0, 3), 0.5, seed=2)
 
 
@@ -32,7 +32,7 @@ def machine() -> MachineDescription:
 
 
 def rounded(path: ToolPath, tolerance_mm: float = TOLERANCE_MM) -> SmoothedPath:
-    return smoothed_path(path, tolerance_mm, 0.3 * (tolerance_mm - 1e-4), rounding_mm=1e-4)
+    return smoothed_path(path, tolerance_mm, tolerance_mm, rounding_mm=1e-4)
 
 
 def cubics_mm(scheduled: PvtSchedule) -> dict[str, Cubics]:
@@ -61,7 +61,7 @@ def check(scheduled: PvtSchedule, name: str) -> float:
 def test_times_that_leave_room_are_kept_to_the_sample(machine: MachineDescription) -> None:
     dwell_s = 0.2 + 0.3 * np.random.default_rng(0).uniform(size=PATH.segments)
     smoothed = balanced(rounded(PATH), dwell_s, machine)
-    scheduled = schedule_smoothed(smoothed, dwell_s, machine, CORRIDOR_MM)
+    scheduled = schedule_smoothed(smoothed, dwell_s, machine)
     assert scheduled.certificate.passed
     np.testing.assert_allclose(scheduled.segment_time_s, dwell_s, atol=2.1 * machine.sample_period_s)
     assert scheduled.program.total_time_s == pytest.approx(dwell_s.sum(), abs=2 * machine.sample_period_s)
@@ -73,7 +73,7 @@ def test_times_that_leave_room_are_kept_to_the_sample(machine: MachineDescriptio
 def test_the_tool_does_not_stop_at_corners(machine: MachineDescription) -> None:
     dwell_s = np.full(PATH.segments, 0.2)
     sharp = schedule(PATH, dwell_s, machine, CORRIDOR_MM)
-    smooth = schedule_smoothed(balanced(rounded(PATH), dwell_s, machine), dwell_s, machine, CORRIDOR_MM)
+    smooth = schedule_smoothed(balanced(rounded(PATH), dwell_s, machine), dwell_s, machine)
     slowest = []
     for scheduled in (sharp, smooth):
         tau = np.linspace(0, 1, 9) * scheduled.program.time_s[:, None]
@@ -88,7 +88,7 @@ def test_equal_times_are_walked_with_a_fraction_of_the_acceleration(machine: Mac
     sharp = schedule(PATH, dwell_s, machine, CORRIDOR_MM)
     limit = 0.7 * peak_mm_s2(sharp)
     smoothed = balanced(rounded(PATH), dwell_s, machine)
-    smooth = schedule_smoothed(smoothed, dwell_s, machine, CORRIDOR_MM, a_max_mm_s2=dict.fromkeys(machine.axes, limit))
+    smooth = schedule_smoothed(smoothed, dwell_s, machine, a_max_mm_s2=dict.fromkeys(machine.axes, limit))
     assert peak_mm_s2(smooth) <= limit
     # The segments that begin and end at rest cannot do that in their time; all others can.
     longer_s = smooth.segment_time_s - sharp.segment_time_s
@@ -102,7 +102,7 @@ def test_equal_times_are_walked_with_a_fraction_of_the_acceleration(machine: Mac
 
 def test_what_the_limits_do_not_allow_takes_longer(machine: MachineDescription) -> None:
     dwell_s = 0.5 * shortest_times(PATH, machine)
-    scheduled = schedule_smoothed(balanced(rounded(PATH), dwell_s, machine), dwell_s, machine, CORRIDOR_MM)
+    scheduled = schedule_smoothed(balanced(rounded(PATH), dwell_s, machine), dwell_s, machine)
     assert scheduled.certificate.passed
     assert (scheduled.segment_time_s >= dwell_s - 2.1 * machine.sample_period_s).all()
     assert scheduled.program.total_time_s > 1.1 * dwell_s.sum()
@@ -111,9 +111,9 @@ def test_what_the_limits_do_not_allow_takes_longer(machine: MachineDescription) 
 def test_a_limit_of_the_jerk_is_kept(machine: MachineDescription) -> None:
     dwell_s = np.full(PATH.segments, 0.25)
     smoothed = balanced(rounded(PATH), dwell_s, machine)
-    free = schedule_smoothed(smoothed, dwell_s, machine, CORRIDOR_MM)
+    free = schedule_smoothed(smoothed, dwell_s, machine)
     limit = 0.5 * max(np.abs(cubics.jerk).max() for cubics in cubics_mm(free).values())
-    limited = schedule_smoothed(smoothed, dwell_s, machine, CORRIDOR_MM, jerk_max_mm_s3=limit)
+    limited = schedule_smoothed(smoothed, dwell_s, machine, jerk_max_mm_s3=limit)
     assert limited.certificate.passed
     assert max(np.abs(cubics.jerk).max() for cubics in cubics_mm(limited).values()) <= limit
 
@@ -122,7 +122,7 @@ def test_balancing_lowers_the_highest_acceleration(machine: MachineDescription) 
     dwell_s = 0.15 * np.random.default_rng(5).lognormal(0.0, 0.5, PATH.segments)
     raw, better = rounded(PATH), balanced(rounded(PATH), dwell_s, machine)
     np.testing.assert_allclose(better.sums(better.share), 1.0)
-    peaks = [peak_mm_s2(schedule_smoothed(each, dwell_s, machine, CORRIDOR_MM)) for each in (raw, better)]
+    peaks = [peak_mm_s2(schedule_smoothed(each, dwell_s, machine)) for each in (raw, better)]
     assert peaks[1] < 0.9 * peaks[0]
 
 
@@ -146,7 +146,7 @@ def test_no_path_leaves_its_tolerance_or_its_limits(kind: str, seed: int, tolera
     path = walk(random, kind)
     dwell_s = time_s * random.lognormal(0.0, 0.5, path.segments)
     smoothed = balanced(rounded(path, tolerance_mm), dwell_s, machine)
-    scheduled = schedule_smoothed(smoothed, dwell_s, machine, 0.3 * (tolerance_mm - 1e-4))
+    scheduled = schedule_smoothed(smoothed, dwell_s, machine)
     assert scheduled.certificate.passed
     # The certificate's bound against the motion itself.
     cubics = cubics_mm(scheduled)
@@ -165,4 +165,4 @@ def test_a_motion_outside_the_tolerance_is_refused(
 ) -> None:
     monkeypatch.setattr(smoothed_module, "_deviation_mm", lambda *arguments: 1.01 * TOLERANCE_MM)
     with pytest.raises(SolverError, match="corner tolerance"):
-        schedule_smoothed(rounded(PATH), np.full(PATH.segments, 0.2), machine, CORRIDOR_MM)
+        schedule_smoothed(rounded(PATH), np.full(PATH.segments, 0.2), machine)
