@@ -194,6 +194,7 @@ class GalilController:
         lines = [self._mode.begin(), "gbeg=TIME"]
         if not open_at:
             lines = [self._gate.open_command, *lines, "gopn=gbeg"]
+        lines = ["gcls=0", *lines]  # somebody may have closed the gate while the buffer was being filled
         if self._mode.shutter:
             self._status.pipeline([f"gopen={open_at}\r".encode("ascii"), f"gclose={close_at}\r".encode("ascii")])
             lines.append(f"XQ {OPENER if open_at else CLOSER},1")

@@ -92,11 +92,11 @@ class Feeder:
 
     def begin(self) -> None:
         """Begin the motion; the sentinel watches from now on."""
-        self._sentinel.gate_shut.clear()
         self.ledger.begin(time.monotonic())
         self._began = True
         self._expect()
         self._controller.begin_segments(self.leg.open_at, self.close_at)
+        self._sentinel.gate_shut.clear()  # a pause at once that came in between closes the gate again
         self.began_samples = self._controller.stamps().begun or 0
 
     def send(self, room: int) -> int:
@@ -182,12 +182,17 @@ class Feeder:
     def _turn_if_wanted(self) -> None:
         """Come to rest along the path behind what was sent; a leg whose end is already queued just ends."""
         program = self.leg.program
-        if self._requests.pause_wanted is None or self.paused or self._end_sent or not isinstance(program, PvtProgram):
+        wanted = self._requests.pause_wanted is not None or self._sentinel.gate_shut.is_set()
+        if not wanted or self.paused or self._end_sent or not isinstance(program, PvtProgram):
             return
         way = ramp_down(program, self.ledger.sent, self._rig.machine)
         if way.leave_at == len(program):
             return
-        self._controller.set_close_at(way.leave_at)
+        if way.leave_at > self.leg.open_at:
+            self._controller.set_close_at(way.leave_at)
+        else:  # the gate has not opened yet, and must not: what is counted next is the ramp
+            self._sentinel.gate_shut.set()
+            self._controller.close_gate()
         self.close_at = way.leave_at
         self.leg = replace(self.leg, program=way.program)
         self.ledger.replace(way.program)

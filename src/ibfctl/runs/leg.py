@@ -28,27 +28,26 @@ class Leg:
         Segments after which the gate opens; 0 opens it together with the motion.
     first_plan_sample
         Where in the plan that is, in samples from its begin.
+    shift_samples
+        What to add to a leg's sample to get the plan's, from where a run-in has joined it.
     """
 
     program: MotionProgram
     open_at: int = 0
     first_plan_sample: int = 0
+    shift_samples: int = 0
 
     @classmethod
     def resumed(cls, plan: PvtProgram, plan_sample: int, machine: MachineDescription) -> Leg:
         """Return the leg that takes a plan up at a seam."""
         way = seam.run_in(plan, plan_sample, machine)
-        return cls(way.program, way.open_at, way.plan_sample)
+        lead_samples = int(way.program.time_samples[: way.open_at].sum())
+        return cls(way.program, way.open_at, way.plan_sample, way.plan_sample - lead_samples)
 
     @cached_property
     def ends_samples(self) -> IntArray:
         """Samples from the leg's begin to the end of each segment, a zero first."""
         return np.concatenate([[0], np.cumsum(self.program.time_samples)]).astype(np.int64)
-
-    @property
-    def shift_samples(self) -> int:
-        """What to add to a leg's sample to get the plan's, from where the run-in has joined it."""
-        return self.first_plan_sample - int(self.ends_samples[self.open_at])
 
 
 class LegEnd(StrEnum):

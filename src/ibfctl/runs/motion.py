@@ -208,7 +208,8 @@ class _Work:
         before, when that lost its patience.
         """
         leg, begun = self._feeder.leg, self._feeder.began_samples
-        opens, closes = (int(leg.ends_samples[segment]) for segment in (leg.open_at, self._feeder.close_at))
+        opens = leg.first_plan_sample - leg.shift_samples
+        closes = int(leg.ends_samples[self._feeder.close_at])
         if stamps is not None and stamps.begun is not None:
             if stamps.opened is None:
                 return None, 0

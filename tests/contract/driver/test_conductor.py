@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,7 @@ class Listener:
     state: RunState = RunState.PREFLIGHT
     reports: list[tuple[str, Mapping[str, object]]] = field(default_factory=list)
     paused: threading.Event = field(default_factory=threading.Event)
+    ended: threading.Event = field(default_factory=threading.Event)
 
     def __call__(self, kind: str, data: Mapping[str, object]) -> None:
         self.reports.append((kind, data))
@@ -57,6 +59,8 @@ class Listener:
             self.state = new
             if new is RunState.PAUSED or new in TERMINAL:
                 self.paused.set()
+            if new in TERMINAL:
+                self.ended.set()
         progress = data.get("progress") if kind == "progress" else None
         if self.act_at is not None and isinstance(progress, float) and progress >= self.act_at:
             self.act_at = None
@@ -301,6 +305,33 @@ def test_an_interrupted_run_is_taken_up_at_its_seam() -> None:
             )
     assert rest.state is RunState.COMPLETED
     assert abs(rest.executed_plan_samples[0][0] - seam) <= 1
+
+
+@pytest.mark.parametrize(("segments", "time_samples", "seed"), [(700, 60, 1), (60, 2000, 2), (120, 300, 3)])
+def test_however_often_somebody_pauses_the_plan_is_executed_once(segments: int, time_samples: int, seed: int) -> None:
+    random, job = np.random.default_rng(seed), program(segments, time_samples)
+    requests, listener = Requests(), Listener()
+
+    def meddle() -> None:
+        while not listener.ended.wait(random.uniform(0, 0.3)):
+            requests.pause(list(When)[random.integers(2)])
+            listener.ended.wait(random.uniform(0, 0.2))
+            requests.resume()
+
+    with emulator() as server:
+        meddling = threading.Thread(target=meddle)
+        meddling.start()
+        gate = machine().beam_gate.model_copy(update={"guard_patience_s": 0.5})
+        bench = bench_of(server, beam_gate=gate)
+        with connected(bench) as controller:
+            result = conduct(plan_of(job), bench, controller, requests, listener, time_scale=SPEED)
+        listener.ended.set()
+        meddling.join()
+    assert result.state is RunState.COMPLETED, result.error
+    assert len(result.legs) > 1
+    parts = result.executed_plan_samples
+    assert (parts[0][0], parts[-1][1]) == (0, job.time_samples.sum())
+    assert all(abs(after[0] - before[1]) <= 2 for before, after in pairwise(parts))
 
 
 def test_what_was_executed_is_known_though_the_program_fails() -> None:

@@ -200,5 +200,5 @@ def test_an_observer_is_told_of_everything(server: EmulatorServer) -> None:
     (batch,) = [(sent, reply) for handle, sent, reply in told if sent.startswith("segments")]
     assert batch[0].startswith("segments 0 to 39, 80 lines, sha256 ")
     assert batch[1] == ":"
-    assert ("stream", "SB 1\rBT AB\rgbeg=TIME\rgopn=gbeg\rXQ #IBFCLS,1", ":::::") in told
+    assert ("stream", "gcls=0\rSB 1\rBT AB\rgbeg=TIME\rgopn=gbeg\rXQ #IBFCLS,1", "::::::") in told
     assert [handle for handle, sent, _ in told if "AB\r" in sent and sent.startswith("CB 1")] == ["abort"]
