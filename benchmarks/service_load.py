@@ -16,7 +16,7 @@ from benchmarks._service import keep_solving, moving_run, plan_of_hours, service
 from ibfctl.client import Client
 
 LISTENERS = 50
-DURATION_S = 8.0
+DURATION_S = 60.0
 POLL_S = 0.05
 
 

@@ -65,6 +65,7 @@ class GalilController:
         self._free = dict.fromkeys(self._letters, 0)
         self._queued = 0
         self._prepared: SegmentMode | None = None
+        self._low_water = 0
         self._closed = False
         self._links: list[Link] = []
         try:
@@ -164,9 +165,9 @@ class GalilController:
         """Enter the program's mode, see that the buffers are empty, and forget the stamps of the motion before."""
         self._refuse_if_latched()
         self._prepared, self._queued = mode_for(program), 0
-        low = low_water(program, self._guard.low_water_samples()) if self._prepared.shutter else 0
+        self._low_water = 0
         stamps = [f"{name}=0" for name in (*STAMPS, "gend")]
-        commands = (*self._prepared.enter(), *stamps, f"glow={PLACES - low}")
+        commands = (*self._prepared.enter(), *stamps, f"glow={PLACES}")
         self._status.pipeline([f"{command}\r".encode("ascii") for command in commands])
         free = self.buffer_status().free_places
         if any(places != self.buffer_places for places in free.values()):
@@ -180,6 +181,14 @@ class GalilController:
             self._stream.pipeline(lines, told_as=f"segments {first} to {last - 1}")
         except RejectedError as refusal:
             raise self._after_refusal(self._mode.place_of(refusal.index, first)) from refusal
+        self._tell_low_water(program, last)
+
+    def _tell_low_water(self, program: MotionProgram, sent: int) -> None:
+        """Tell the guard how few segments are too few, which depends on how long those last sent are."""
+        low = low_water(program, self._guard.low_water_samples(), sent) if self._mode.shutter else 0
+        if low != self._low_water:
+            self._status.pipeline([f"glow={PLACES - low}\r".encode("ascii")])
+            self._low_water = low
 
     def queue_end(self) -> None:
         """Send the end marker to every axis; from now on the guard lets the buffer run low."""

@@ -66,13 +66,11 @@ def mode_for(program: MotionProgram) -> SegmentMode:
 MOST_LOW_WATER = 16
 
 
-def low_water(program: MotionProgram, samples: int) -> int:
-    """How many waiting segments surely last for `samples`, whichever they are; never more than 16."""
-    ends = np.concatenate([[0], np.cumsum(program.time_samples)])
-    for segments in range(1, min(MOST_LOW_WATER, len(program))):
-        if np.min(ends[segments:] - ends[:-segments]) >= samples:
-            return segments
-    return MOST_LOW_WATER
+def low_water(program: MotionProgram, samples: int, sent: int) -> int:
+    """How many waiting segments last for `samples`, when the last one sent is the one before `sent`; at most 16."""
+    times = program.time_samples[max(sent - MOST_LOW_WATER, 0) : sent][::-1]
+    enough = np.flatnonzero(np.cumsum(times) >= samples)
+    return int(enough[0]) + 1 if enough.size else MOST_LOW_WATER
 
 
 class PvtMode:
