@@ -189,7 +189,8 @@ def solve_dwell(
             f"plan: this path takes the machine at least {shortest_s.sum():.1f} s, more than {aim.max_time_s:g} s",
             "allow more time, or choose a larger pitch or step",
         )
-    if job.options.remove == "none" and np.isfinite(longest_s).all():
+    nothing_free = not job.target.levelling.basis.size
+    if nothing_free and np.isfinite(longest_s).all():
         _check_reach(job, ideal(longest_s))
     found = aim_at(
         job.ideal_problem(job.misfit),

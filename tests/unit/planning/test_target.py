@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ibfctl.errors import InputError
+from ibfctl.errors import InputError, LimitsError
 from ibfctl.machine.description import MachineDescription, read_machine
 from ibfctl.machine.shipped import shipped_machine
 from ibfctl.planning.options import PlanOptions
@@ -108,3 +108,8 @@ def test_power_that_is_free_is_neither_planned_nor_counted(machine: MachineDescr
     plain, free = (make_plan(surface, TOOL, machine, replace(OPTIONS, remove="power")) for surface in (SURFACE, bent))
     assert free.summary()["initial_rms_nm"] == pytest.approx(plain.summary()["initial_rms_nm"], rel=1e-3)
     assert free.program.total_time_s == pytest.approx(plain.program.total_time_s, rel=0.02)
+
+
+def test_a_depth_that_the_slowest_speed_does_not_remove_is_refused(machine: MachineDescription) -> None:
+    with pytest.raises(LimitsError, match="are to be removed on average"):
+        make_plan(SURFACE, TOOL, machine, replace(OPTIONS, extra_removal_nm=1000.0, v_min_mm_s=2.0))
