@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ibfctl.errors import InputError
 from ibfctl.files import atomic_path
 from ibfctl.machine.description import MachineDescription, read_machine
+from ibfctl.runs.emulator import EmulatedController
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.places import JOB, MACHINE, PLAN, journal_path, run_folder
 from ibfctl.runs.states import RunState
@@ -61,6 +62,8 @@ class Job(BaseModel):
         machine = read_machine(folder / MACHINE)
         if self.address is None:
             return machine
+        if self.simulated:
+            return EmulatedController(self.address.host, self.address.port, self.speed).in_place_of(machine)
         address = {**self.address.model_dump(), "serial": None}
         return machine.model_copy(update={"connection": machine.connection.model_copy(update=address)})
 

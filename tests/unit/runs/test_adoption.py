@@ -50,6 +50,7 @@ def test_a_job_may_name_another_address(data: Path) -> None:
     folder = made(data, "r1")
     job = Job(run="r1", address=Address(host="127.0.0.1", port=4711), simulated=True)
     assert job.machine(folder).connection.port == 4711
+    assert job.machine(folder).homing.method == "absolute", "emulated encoders know where they are"
     assert Job(run="r1").machine(folder).connection.port == 5023
 
 
