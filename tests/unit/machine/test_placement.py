@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ibfctl.errors import InputError
@@ -18,6 +18,7 @@ def positions(count: int = 20, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-50, 50, (count, 2))
 
 
+@settings(deadline=None)
 @given(placement=PLACEMENTS)
 def test_there_and_back_is_where_it_began_and_distances_stay(placement: Placement) -> None:
     x_mm, y_mm = positions().T
@@ -43,6 +44,7 @@ def test_a_part_that_stands_in_machine_coordinates_is_left_alone() -> None:
     assert Placement(1.0).turned is False
 
 
+@settings(deadline=None)
 @given(placement=PLACEMENTS, count=st.integers(2, 9))
 def test_fiducials_without_error_give_the_placement_back(placement: Placement, count: int) -> None:
     part = positions(count, 7)

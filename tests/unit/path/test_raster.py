@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -78,6 +78,7 @@ def places(path: ToolPath, scan_axis: Literal["x", "y"]) -> tuple[np.ndarray, np
     return line.astype(int), place.astype(int)
 
 
+@settings(deadline=None)
 @given(
     needed=arrays(bool, (len(raster_places(AREA, PITCH_MM, STEP_MM, "x")[1]), 27), elements=st.booleans()),
     rare=st.booleans(),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ibfctl.errors import InputError
@@ -38,6 +38,7 @@ def test_a_polygon_that_is_a_rectangle_is_that_rectangle(turned: bool) -> None:
 GRID = st.integers(-600, 600).map(lambda value: value / 64)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(GRID, GRID), min_size=3, max_size=9, unique=True))
 def test_a_polygon_holds_what_is_wound_around(points: list[tuple[float, float]]) -> None:
     """The even-odd rule, by the sum of the angles under which a pixel sees the edges, where no edge is near."""
