@@ -35,7 +35,7 @@ def assert_right(verdicts: list[Verdict]) -> None:
 
 
 def test_what_a_killed_worker_has_executed_is_known_to_the_sample() -> None:
-    assert_right(try_out(2, seed=3, served=False))
+    assert_right(try_out(1, seed=5, served=False))
 
 
 @pytest.mark.slow
