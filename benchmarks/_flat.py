@@ -7,13 +7,17 @@ around it; the residual counts after piston and tilt, on the pixels of the map.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from benchmarks.public_data import data_folder
 from ibfctl.dwell.deposition import grid_of
+from ibfctl.dwell.methods.inverse_filter import inverse_filter
+from ibfctl.dwell.methods.nnls import nnls
 from ibfctl.dwell.misfit import cell_size, make_misfit
 from ibfctl.dwell.operator import RemovalOperator
 from ibfctl.dwell.solver import DwellProblem, Regularisation
@@ -28,6 +32,8 @@ APERTURE = Rectangle(10.0, 60.0, 12.5, 17.5)
 SPACING_MM = 0.5
 # Finer than the planner's own: on so small a part it costs little, and a residual of 0.3 nm feels 0.002.
 CELLS_PER_WIDTH = 16
+# Of the peer: iterations until it hardly moves, and the price of a second relative to the peak removal rate.
+NNLS_ITERATIONS, NNLS_PRICE_SHARE = 3000, 5e-6
 
 
 @dataclass(frozen=True)
@@ -58,9 +64,16 @@ def flat() -> SurfaceMap:
     return read_map(str(data_folder() / "flat_70x30mm.mat"), array="Z_to_remove")
 
 
-def without_limits(surface: SurfaceMap, tool: Tool) -> dict[str, Any]:
-    """Solve dwell times from a map in memory; return residual, beam time and how long it took."""
-    begin = time.perf_counter()
+@dataclass(frozen=True)
+class FlatJob:
+    """Dwell points anywhere on and around the clear aperture, and what their times leave on its pixels."""
+
+    problem: DwellProblem
+    rms_nm: Callable[[np.ndarray], float]
+
+
+def flat_job(surface: SurfaceMap, tool: Tool) -> FlatJob:
+    """Make the job of a tool."""
     influence, mask = tool.influence(surface.pixel_mm), clear_aperture_mask(surface, APERTURE)
     misfit = make_misfit(surface, mask, influence, "tilt", cell_size(surface, influence, CELLS_PER_WIDTH))
     x_mm, y_mm = _dwell_points(tool.radius_mm)
@@ -73,22 +86,46 @@ def without_limits(surface: SurfaceMap, tool: Tool) -> dict[str, Any]:
         return rms(target_nm - levelling(on_pixels(time_s)[mask]))
 
     nothing = np.zeros(x_mm.size)
+    return FlatJob(DwellProblem(operator, misfit, nothing, np.full(x_mm.size, np.inf)), rms_nm)
+
+
+def without_limits(surface: SurfaceMap, tool: Tool) -> dict[str, Any]:
+    """Solve dwell times from a map in memory; return residual, beam time and how long it took."""
+    begin = time.perf_counter()
+    job = flat_job(surface, tool)
     found = aim_at(
-        DwellProblem(operator, misfit, nothing, np.full(x_mm.size, np.inf)),
-        rms_nm,
+        job.problem,
+        job.rms_nm,
         tool.aim,
-        start_s=nothing,
+        start_s=job.problem.lower_s,
         regularisation=Regularisation(smoothing=0.0),
         effort=Effort(),
     )
     planning_s = time.perf_counter() - begin
     return {
-        "rms_nm": rms_nm(found.chosen.time_s),
+        "rms_nm": job.rms_nm(found.chosen.time_s),
         "dwell_s": float(found.chosen.time_s.sum()),
         "planning_s": planning_s,
         "floor_rms_nm": found.floor.rms_nm,
-        "points": x_mm.size,
+        "points": found.chosen.time_s.size,
     }
+
+
+def peers(surface: SurfaceMap, tool: Tool) -> dict[str, float]:
+    """Solve the same job by inverse filtering and by non-negative least squares; the name says whose figure it is."""
+    figures = {}
+    price = NNLS_PRICE_SHARE * tool.peak_nm_s
+    for name, method in (
+        ("inverse_filter", inverse_filter),
+        ("nnls", partial(nnls, price_nm2_s=price, iterations=NNLS_ITERATIONS)),
+    ):
+        begin = time.perf_counter()
+        job = flat_job(surface, tool)
+        time_s = method(job.problem).time_s
+        figures[f"{name}_here_planning_s"] = time.perf_counter() - begin
+        figures[f"{name}_here_rms_nm"] = job.rms_nm(time_s)
+        figures[f"{name}_here_dwell_s"] = float(time_s.sum())
+    return figures
 
 
 def _dwell_points(radius_mm: float) -> tuple[np.ndarray, np.ndarray]:
