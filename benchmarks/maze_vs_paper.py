@@ -51,6 +51,7 @@ TIF_FWHM_MM, TIF_RADIUS_MM = 1.9625, 2.5
 # The paper's maze takes 8.17 min for 92 x 16 mm at 0.5 mm, 0.083 s a segment; with this rate ours takes about that.
 TIF_PEAK_NM_S = 9.0
 HALF_X_MM, HALF_Y_MM = 7.0, 3.5
+PITCH_MM = 0.5
 REPEATS = 5
 
 
@@ -107,7 +108,7 @@ def _plan(path: str, peak_nm_s: float = TIF_PEAK_NM_S, **choices: Any) -> Plan:
     """Plan the job on a path; the plain chain, with other `choices` than the default."""
     influence = gaussian(TIF_FWHM_MM, peak_nm_s, TIF_RADIUS_MM, PIXEL_MM)
     aperture = Rectangle(-HALF_X_MM, HALF_X_MM, -HALF_Y_MM, HALF_Y_MM)
-    options = PlanOptions(path=path, clear_aperture=aperture, **{"loop": False} | choices)  # type: ignore[arg-type]
+    options = PlanOptions(path=path, pitch_mm=PITCH_MM, clear_aperture=aperture, **{"loop": False} | choices)  # type: ignore[arg-type]
     return make_plan(made_map(), influence, read_machine(shipped_machine("nsls2-ibf")), options)
 
 

@@ -97,3 +97,17 @@ def test_what_names_no_terms_is_refused(
 ) -> None:
     assert run(small_job.plan_arguments(path, "--remove", terms)) == 2
     assert "--remove none, piston" in capsys.readouterr().err
+
+
+def test_rounded_corners_are_told_and_exported(
+    small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = small_job.plan_arguments(path, "--path", "maze", "--corner-tolerance-mm", "0.05")
+    figures = _json(capsys, arguments)["smoothing"]
+    assert figures["deviation_mm"] <= figures["corner_tolerance_mm"] == 0.05
+    assert run([*arguments, "--no-loop"]) == 0
+    assert "rounding lowers" in capsys.readouterr().out
+    assert run(["export", str(path), "--format", "gcode"]) == 0
+    lines = path.with_suffix(".gcode").read_text().splitlines()
+    assert "SOFT G642 CTOL=0.05000" in lines
+    assert any(line.startswith("; predicted cycle time") for line in lines)

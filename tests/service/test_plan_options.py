@@ -16,10 +16,12 @@ def test_a_plan_takes_the_choices_of_the_command_line(served: httpx.Client, smal
     request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
     bounds = {"v_min_mm_s": 0.5, "dwell_bounds": "machine"}
     choices = bounds | {"margin": 0.2, "l_curve": True, "trade_off": True, "loop": False}
+    choices |= {"corner_tolerance_mm": 0.05}
     plan = ended(served, served.post("/v1/plans", json=request | choices).headers["Location"])
     assert plan["state"] == "done", plan
     (chosen,) = (point for point in plan["summary"]["trade_off"] if point["chosen"])
     assert plan["summary"]["dwell_bounds"]["longest_s"] == 2.0
+    assert plan["summary"]["smoothing"]["corner_tolerance_mm"] == 0.05
     assert chosen["rms_nm"] == pytest.approx(plan["summary"]["ideal_rms_nm"])
 
 

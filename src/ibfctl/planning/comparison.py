@@ -27,7 +27,7 @@ from ibfctl.planning.planner import Progress, solve_dwell
 from ibfctl.schedule.baselines.constant_acceleration import constant_acceleration
 from ibfctl.schedule.baselines.motion import Motion, motion_of_schedule
 from ibfctl.schedule.baselines.position_mode import position_mode
-from ibfctl.schedule.scheduler import PvtSchedule, schedule
+from ibfctl.schedule.scheduler import PvtSchedule, schedule, with_jerk_limit
 from ibfctl.surface.influence import InfluenceFunction
 from ibfctl.surface.map import SurfaceMap
 
@@ -154,7 +154,8 @@ def compare_on(job: PlanningJob, jerk_max_mm_s3: float | None = None, cancelled:
             gentle, found = gentlest(job, plain, dwell_s, cancelled)
             yield "rounded", _of_schedule(gentle, found.scheduled)
             if jerk_max_mm_s3 is not None:
-                limited = job.rounded.balanced(dwell_s, job.machine).schedule(dwell_s, job.machine, jerk_max_mm_s3)
+                stages = with_jerk_limit(job.machine, jerk_max_mm_s3)
+                limited = job.rounded.balanced(dwell_s, stages).schedule(dwell_s, stages)
                 yield "rounded, jerk limited", _of_schedule(gentle, limited)
             run_time_s = best.scheduled.program.total_time_s
             smooth, _ = refine(gentle, found, chosen.price_nm2_s, regularisation, cancelled, run_time_s)

@@ -39,17 +39,9 @@ class Rounded:
         """Share the times of the segments, about (n,) as given, among their pieces for low accelerations."""
         return replace(self, smoothed=balanced(self.smoothed, dwell_s, machine))
 
-    def schedule(
-        self, dwell_s: NDArray[np.float64], machine: MachineDescription, jerk_max_mm_s3: float | None = None
-    ) -> PvtSchedule:
+    def schedule(self, dwell_s: NDArray[np.float64], machine: MachineDescription) -> PvtSchedule:
         """Schedule times (n,) of the programmed segments."""
-        return schedule_smoothed(
-            self.smoothed,
-            dwell_s,
-            machine,
-            a_max_mm_s2=self.a_max_mm_s2,
-            jerk_max_mm_s3=jerk_max_mm_s3,
-        )
+        return schedule_smoothed(self.smoothed, dwell_s, machine, a_max_mm_s2=self.a_max_mm_s2)
 
 
 def rounded(path: ToolPath, machine: MachineDescription, tolerance_mm: float, corridor_mm: float) -> Rounded:

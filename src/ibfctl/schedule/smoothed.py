@@ -21,7 +21,7 @@ from ibfctl.path.smoothing_pieces import SmoothedPath
 from ibfctl.schedule.certificate import Certificate, Check, axis_cubics
 from ibfctl.schedule.counting import even_samples
 from ibfctl.schedule.hermite import Cubics, excursion
-from ibfctl.schedule.scheduler import PvtSchedule, axis_tasks, counted_path, schedule, with_jerk_limit
+from ibfctl.schedule.scheduler import PvtSchedule, axis_tasks, counted_path, schedule
 from ibfctl.schedule.task import AxisTask, free_nodes
 from ibfctl.schedule.velocity import solve_velocities, spline_velocities
 
@@ -36,16 +36,17 @@ _LENGTHENING_ROUNDS = 20
 
 
 def balanced(smoothed: SmoothedPath, dwell_s: FloatArray, machine: MachineDescription) -> SmoothedPath:
-    """Share the times (n,) of the segments among their pieces so that accelerations are alike within each segment."""
+    """Share the times (n,) of the segments among their pieces so that each comes equally near to the limits."""
     tasks = []
     for coordinate, node_mm in (("x", smoothed.pieces.x_mm), ("y", smoothed.pieces.y_mm)):
         axis, move_mm = machine.axis_of(coordinate), np.diff(node_mm)
         free = free_nodes(np.rint(move_mm * axis.counts_per_mm).astype(np.int64))
-        tasks.append(AxisTask(move_mm, axis.v_max_mm_s, axis.a_max_mm_s2, 1 / axis.counts_per_mm, free))
+        jerk = np.inf if axis.j_max_mm_s3 is None else axis.j_max_mm_s3
+        tasks.append(AxisTask(move_mm, axis.v_max_mm_s, axis.a_max_mm_s2, 1 / axis.counts_per_mm, free, jerk))
     whole_s = np.maximum(dwell_s, machine.sample_period_s)[smoothed.segment]
     time_s = smoothed.share * whole_s
     for _ in range(_BALANCING_ROUNDS):
-        peak = np.maximum(*(_peaks(task, time_s) / task.a_max_mm_s2 for task in tasks))
+        peak = np.maximum(*(_uses(task, time_s) for task in tasks))
         mean = (smoothed.sums(peak * time_s) / smoothed.sums(time_s))[smoothed.segment]
         wanted = np.divide(peak, mean, out=np.ones_like(peak), where=mean > 0) ** _POWER
         time_s = time_s * np.clip(wanted, 1 / _LARGEST_STEP, _LARGEST_STEP)
@@ -59,7 +60,6 @@ def schedule_smoothed(
     machine: MachineDescription,
     *,
     a_max_mm_s2: Mapping[str, float] | None = None,
-    jerk_max_mm_s3: float | None = None,
 ) -> PvtSchedule:
     """Schedule a smoothed path with given times of its programmed segments; lengthen what the limits do not allow.
 
@@ -69,7 +69,7 @@ def schedule_smoothed(
         n programmed segments in pieces that share their times, see `balanced`.
     dwell_s : (n,) float64
         Times of the programmed segments.
-    machine, jerk_max_mm_s3
+    machine
         As for `schedule`.
     a_max_mm_s2
         Accelerations to stay below, by axis letter, beside the limits of the machine.
@@ -85,8 +85,6 @@ def schedule_smoothed(
     InputError, LimitsError, SolverError
         As `schedule` does.
     """
-    if jerk_max_mm_s3 is not None:
-        machine = with_jerk_limit(machine, jerk_max_mm_s3)
     limited = machine if a_max_mm_s2 is None else _with_accelerations(machine, a_max_mm_s2)
     samples = _whole_pairs(smoothed, even_samples(dwell_s, machine.sample_period_s))
     samples = _lengthened(smoothed, samples, limited)
@@ -122,15 +120,16 @@ def _with_accelerations(machine: MachineDescription, a_max_mm_s2: Mapping[str, f
     return machine.model_copy(update={"axes": axes})
 
 
-def _peaks(task: AxisTask, time_s: FloatArray) -> FloatArray:
-    """Peak accelerations (m,) of the spline, its velocities lowered where a piece would reverse."""
+def _uses(task: AxisTask, time_s: FloatArray) -> FloatArray:
+    """Shares (m,) of the limits that the spline takes, its velocities lowered where a piece would reverse."""
     velocity = np.abs(spline_velocities(task, time_s))
     move = np.abs(task.move_mm)
     both = velocity[1:] + velocity[:-1]
     most = np.divide(_MONOTONE * move / time_s, both, out=np.ones_like(both), where=both > 0)
     allowed = np.minimum(1.0, most)
     velocity *= np.minimum(np.append(allowed, 1.0), np.append(1.0, allowed))
-    return Cubics(np.zeros(move.size), move, velocity[:-1], velocity[1:], time_s).peak_acceleration
+    cubics = Cubics(np.zeros(move.size), move, velocity[:-1], velocity[1:], time_s)
+    return np.maximum(cubics.peak_acceleration / task.a_max_mm_s2, np.abs(cubics.jerk) / task.j_max_mm_s3)
 
 
 def _whole_pairs(smoothed: SmoothedPath, segment_samples: IntArray) -> IntArray:

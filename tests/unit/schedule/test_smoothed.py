@@ -17,7 +17,7 @@ from ibfctl.path.tool_path import ToolPath
 from ibfctl.schedule import smoothed as smoothed_module
 from ibfctl.schedule.certificate import axis_cubics
 from ibfctl.schedule.hermite import Cubics
-from ibfctl.schedule.scheduler import PvtSchedule, schedule, shortest_times
+from ibfctl.schedule.scheduler import PvtSchedule, schedule, shortest_times, with_jerk_limit
 from ibfctl.schedule.smoothed import balanced, schedule_smoothed
 from ibfctl.surface.map import Rectangle
 
@@ -113,7 +113,8 @@ def test_a_limit_of_the_jerk_is_kept(machine: MachineDescription) -> None:
     smoothed = balanced(rounded(PATH), dwell_s, machine)
     free = schedule_smoothed(smoothed, dwell_s, machine)
     limit = 0.5 * max(np.abs(cubics.jerk).max() for cubics in cubics_mm(free).values())
-    limited = schedule_smoothed(smoothed, dwell_s, machine, jerk_max_mm_s3=limit)
+    stages = with_jerk_limit(machine, limit)
+    limited = schedule_smoothed(balanced(rounded(PATH), dwell_s, stages), dwell_s, stages)
     assert limited.certificate.passed
     assert max(np.abs(cubics.jerk).max() for cubics in cubics_mm(limited).values()) <= limit
 
