@@ -25,6 +25,8 @@ class Proxy:
         `(handle, data) -> data`: what is forwarded instead; None resets the handle.
     latency_s
         How much later each reply arrives.
+    at
+        Port to listen on; 0 for any free one.
     """
 
     def __init__(
@@ -35,7 +37,9 @@ class Proxy:
         on_command: Spoil = lambda handle, data: data,
         on_reply: Spoil = lambda handle, data: data,
         latency_s: float = 0.0,
+        at: int = 0,
     ) -> None:
+        self.port = at
         self._target = (host, port)
         self.on_command = on_command
         self.on_reply = on_reply
@@ -46,7 +50,7 @@ class Proxy:
         self._threads: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener = socket.create_server(("127.0.0.1", self.port))
         self.port = self._listener.getsockname()[1]
         self._start(self._accept)
         return self

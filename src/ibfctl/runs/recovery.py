@@ -92,20 +92,26 @@ def recover(folder: Path, connect: Connect = drivers.connect) -> Recovered:
     if lock is None:
         raise RunError(f"run {folder.name} has a worker: it is not interrupted", "wait for its end, or stop it")
     try:
-        job = read_job(folder)
-        machine, plan = job.machine(folder), read_plan(folder / PLAN)
-        with MachineLock(machine, f"recovery of run {folder.name}"), Journal.open(journal_beside(folder)) as journal:
-            absorb(journal, folder / SIDE)
-            controller = connect(machine)
-            try:
-                found = _Case(folder, plan, machine, job, controller, journal).solve()
-            finally:
-                controller.close()
-            journal.append(folder.name, "recovered", asdict(found))
+        found = recover_own(folder, connect)
         status.amend(folder, gate="closed")
-        record_run(folder)
     finally:
         os.close(lock)
+    return found
+
+
+def recover_own(folder: Path, connect: Connect = drivers.connect) -> Recovered:
+    """Recover a run of which the caller holds the lock, as its worker does; all else as `recover`."""
+    job = read_job(folder)
+    machine, plan = job.machine(folder), read_plan(folder / PLAN)
+    with MachineLock(machine, f"recovery of run {folder.name}"), Journal.open(journal_beside(folder)) as journal:
+        absorb(journal, folder / SIDE)
+        controller = connect(machine)
+        try:
+            found = _Case(folder, plan, machine, job, controller, journal).solve()
+        finally:
+            controller.close()
+        journal.append(folder.name, "recovered", asdict(found))
+    record_run(folder)
     return found
 
 

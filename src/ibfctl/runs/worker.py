@@ -11,11 +11,12 @@ import logging
 import os
 import signal
 import sys
+import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from ibfctl.errors import AbortedError, IbfctlError, RunError
+from ibfctl.errors import AbortedError, ControllerError, IbfctlError, RunError
 from ibfctl.planning.file import read_plan
 from ibfctl.runs.adoption import last_state
 from ibfctl.runs.conductor import conduct
@@ -28,11 +29,15 @@ from ibfctl.runs.lock import MachineLock
 from ibfctl.runs.places import PLAN, SIDE, journal_beside
 from ibfctl.runs.recorder import JournalWriter, absorb
 from ibfctl.runs.records import record_result
+from ibfctl.runs.recovery import recover_own
 from ibfctl.runs.reporter import RunReporter
 from ibfctl.runs.requests import Requests, When
 from ibfctl.runs.states import RunState
 from ibfctl.runs.status import StatusWriter, read
 from ibfctl.runs.wire import WireRecorder
+
+LOOK_AGAIN_S, LOOK_EVERY_S = 30.0, 1.0
+FLUSH_S = 5.0
 
 _log = logging.getLogger(__name__)
 
@@ -112,6 +117,8 @@ class Worker:
                     folder=self._folder,
                 )
             record_result(self._folder, plan, self._job, result, self._before)
+            if result.uncertainty_samples:
+                self._look_again()
         except IbfctlError as error:
             _log.error("%s", error)
             self._end(error)
@@ -121,6 +128,19 @@ class Worker:
             self._end(RunError(f"the worker failed: {error!r}", "see worker.log in the run's folder"))
             raise
         return 0 if result.error is None else result.error.exit_code
+
+    def _look_again(self) -> None:
+        """Try for a while to reach a controller that was lost: its stamps still know what the host does not."""
+        deadline = time.monotonic() + LOOK_AGAIN_S
+        self._journal.flush(FLUSH_S)
+        while time.monotonic() < deadline and not self._requests.abort.wait(LOOK_EVERY_S):
+            try:
+                recover_own(self._folder)
+            except ControllerError as error:
+                _log.warning("the controller is still lost: %s", error)
+            else:
+                self._status.tell(gate="closed")
+                return
 
     def _tell(self, kind: str, data: Mapping[str, object]) -> None:
         """Pass on what the run reports; what has led to a new state or a new leg is recorded before it."""

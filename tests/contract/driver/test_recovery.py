@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import h5py
 import pytest
+from support.proxy import Proxy
 
 from benchmarks._killing import SPEED, Verdict, small_plan, try_out, waiting_run, write_inputs
 from ibfctl.errors import RunError
 from ibfctl.runs.adoption import interrupt_orphans
 from ibfctl.runs.emulator import emulated_controller
+from ibfctl.runs.job import Address, read_job, write_job
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
 from ibfctl.runs.records import as_run_of
@@ -22,9 +25,9 @@ from ibfctl.runs.transcript import transcript
 from ibfctl.surface.levelling import rms
 
 
-def until_running(folder: Path) -> None:
+def until_state(folder: Path, state: str) -> None:
     deadline = time.monotonic() + 30
-    while (read(folder) or {}).get("state") != "running":
+    while (read(folder) or {}).get("state") != state:
         assert time.monotonic() < deadline, (folder / "worker.log").read_text()
         time.sleep(0.005)
 
@@ -50,14 +53,14 @@ def test_a_run_that_was_killed_twice_is_resumed_to_its_end_with_the_dose_of_the_
     with emulated_controller(tmp_path / "trace.h5", speed=SPEED) as emulated:
         folder = waiting_run(tmp_path, emulated, "r1")
         with start_worker(folder) as worker:
-            until_running(folder)
+            until_state(folder, "running")
             time.sleep(0.4)
             worker.kill()
         assert interrupt_orphans(tmp_path) == [folder]
         first = recover(folder)
         assert 0 < first.seam < plan.program.time_samples.sum()
         with resume(folder, first) as worker:
-            until_running(folder)
+            until_state(folder, "running")
             time.sleep(0.3)
             worker.kill()
         assert interrupt_orphans(tmp_path) == [folder]
@@ -86,3 +89,32 @@ def test_a_run_that_was_killed_twice_is_resumed_to_its_end_with_the_dose_of_the_
     again = ["interrupted", "resuming", "running"]
     before = ["queued", "preflight", "moving_to_start", "armed", "running"]
     assert states == [*before, *again, *again, "finishing", "completed"]
+
+
+def test_a_cable_that_is_pulled_and_put_back_leaves_no_doubt(tmp_path: Path) -> None:
+    plan = small_plan()
+    write_inputs(plan, tmp_path)
+    with emulated_controller(tmp_path / "trace.h5", speed=SPEED) as emulated:
+        folder = waiting_run(tmp_path, emulated, "r1")
+        with Proxy(emulated.host, emulated.port) as cable:
+            address = Address(host="127.0.0.1", port=cable.port)
+            write_job(folder, read_job(folder).model_copy(update={"address": address}))
+            worker = start_worker(folder)
+            until_state(folder, "running")
+            time.sleep(0.3)
+        until_state(folder, "faulted")
+        with Proxy(emulated.host, emulated.port, at=cable.port), worker:
+            assert worker.wait(60) == 6, (folder / "worker.log").read_text()
+    trace = read_emulator_trace(tmp_path / "trace.h5", plan.machine)
+    with Journal.open(tmp_path / "journal.db") as journal:
+        ended, recovered = journal.last("r1", "leg"), journal.last("r1", "recovered")
+    assert ended is not None
+    assert ended.data["uncertainty_samples"] > 0
+    assert recovered is not None
+    assert recovered.data["uncertainty_samples"] == 0
+    assert recovered.data["executed"] == [[0, int(trace.gate_open.sum())]]
+    shown = read(folder)
+    assert shown is not None
+    assert (shown["state"], shown["gate"]) == ("faulted", "closed")
+    with h5py.File(folder / "run.h5") as file:
+        assert file["executed/plan_samples"][:].tolist() == recovered.data["executed"]
