@@ -30,7 +30,7 @@ def main() -> None:
     quantity = HEIGHT if request.pop("stem") == HEIGHT.stem else RATE
     try:
         cpu_s = _CPU_S + path.stat().st_size // _BYTES_PER_CPU_S
-        resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
+        resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, resource.getrlimit(resource.RLIMIT_CPU)[1]))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         allow_memory(0)
         table = _read(path, quantity, **request)
@@ -47,7 +47,8 @@ def allow_memory(size: int) -> None:
     """Limit what is allocated from now on to `size` bytes and what the library itself needs."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + _BASE_BYTES + size, hard))
+    most = pages * resource.getpagesize() + _BASE_BYTES + size
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def _read(path: Path, quantity: Quantity, pixel_mm: float | None, unit: str | None, array: str | None) -> Table:
