@@ -24,7 +24,7 @@ Progress = Callable[[str, float], None]
 
 PERCENTILES = (5, 25, 50, 75, 95, 99)
 # Of one piece of work: short enough to stop within a second, long enough to be worth sending.
-_PIXELS_PER_PIECE, _DRAWS_PER_PIECE = 2_000_000, 50
+_PIXELS_PER_PIECE, _DRAWS_PER_PIECE = 1_000_000, 30
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ibfctl.surface.readers.quantity import HEIGHT, RATE, Quantity
 from ibfctl.surface.readers.table import Table
 
 _READERS = {".datx": read_datx, ".mat": read_mat73}
-_CPU_S, _BYTES_PER_CPU_S = 20, 4 << 20
+_CPU_S, _BYTES_PER_CPU_S = 5, 4 << 20
 _BASE_BYTES = 64 << 20
 
 
