@@ -82,10 +82,11 @@ def plan_sequence(
         executed.append(execute(job, time_s))
         job.check_times(executed[-1].scheduled.segment_time_s)
     rounds: list[Round] = []
+    run_time_s = sum(each.scheduled.program.total_time_s for each in executed)
     for index, job in enumerate(jobs):
         stage("correcting for the executed motion", 0.7 + 0.3 * index / len(jobs))
         if method == "ours" and job.options.loop:
-            executed[index], found = _corrected(job, index, executed, solved.price_nm2_s, cancelled)
+            executed[index], found = _corrected(job, index, executed, run_time_s, solved.price_nm2_s, cancelled)
             rounds += found
     plans = _plans(jobs, tools, executed, solved.time_s)
     first, whole_nm = jobs[0].target, _removal_of(executed)
@@ -187,14 +188,20 @@ def _removal_of(executed: Sequence[Executed]) -> FloatArray:
 
 
 def _corrected(
-    job: PlanningJob, index: int, executed: Sequence[Executed], price_nm2_s: float, cancelled: Cancelled
+    job: PlanningJob,
+    index: int,
+    executed: Sequence[Executed],
+    run_time_s: float,
+    price_nm2_s: float,
+    cancelled: Cancelled,
 ) -> tuple[Executed, list[Round]]:
-    """Correct the times of one tool for its motion, on what all others leave as executed."""
+    """Correct the times of one tool for its motion, on what all others leave as executed of the map and of the time."""
     others = [each for other, each in enumerate(executed) if other != index]
     others_s = sum(each.scheduled.program.total_time_s for each in others)
     alone = job.after(_removal_of(others)) if others else job
     plain = replace(executed[index], rms_nm=alone.rms_nm(executed[index].removal_nm))
-    best, rounds = refine(alone, plain, price_nm2_s, Regularisation(job.options.tikhonov), cancelled)
+    regularisation = Regularisation(job.options.tikhonov)
+    best, rounds = refine(alone, plain, price_nm2_s, regularisation, cancelled, run_time_s - others_s)
     return best, [replace(round_, total_time_s=round_.total_time_s + others_s) for round_ in rounds]
 
 
