@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 
 from ibfctl.errors import ControllerError, LinkError
@@ -10,10 +9,12 @@ from ibfctl.machine.controller import AxisStatus, BufferStatus, ControllerIdenti
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import MotionProgram
 from ibfctl_drivers.galil import codec
+from ibfctl_drivers.galil.abort import AbortLine
 from ibfctl_drivers.galil.approach import Approach
 from ibfctl_drivers.galil.axes import AxisReader
 from ibfctl_drivers.galil.clock import sample_period_s
 from ibfctl_drivers.galil.gate import GateOutput
+from ibfctl_drivers.galil.greeting import greet, identify
 from ibfctl_drivers.galil.guard import CLOSER, OPENER, THREAD_RUNS, Guard, guard_lines
 from ibfctl_drivers.galil.handles import handles_to
 from ibfctl_drivers.galil.link import Link, RejectedError
@@ -21,8 +22,6 @@ from ibfctl_drivers.galil.segments import PLACES, SegmentMode, low_water, mode_f
 
 LATCH = "gestop"
 STAMPS = ("gbeg", "gopn", "gcls")
-
-_log = logging.getLogger(__name__)
 
 
 def connect(machine: MachineDescription, on_exchange: Observer | None = None) -> GalilController:
@@ -72,7 +71,7 @@ class GalilController:
             self._stream = self._open("stream")
             self._status = self._open("status")
             self._gate = GateOutput(machine.beam_gate, lambda: self._open("gate"))
-            self._abort = self._open("abort")
+            self._abort = AbortLine(self._gate, lambda: self._open("abort"), shared=self._handles.shared)
             self._reader = AxisReader(self._status)
             self._approach = Approach(machine, self._status, self._reader)
             self._guard = Guard(self._status, guard_lines(self._letters, self._gate))
@@ -82,29 +81,11 @@ class GalilController:
 
     def greet(self) -> None:
         """Have unsolicited text marked on every handle, and clear an error latched by an earlier client."""
-        for link in self._links:
-            try:
-                link.tell("CW 1")
-            except RejectedError as refusal:  # unsolicited text will then break the framing: still safe
-                _log.warning("unsolicited text stays unmarked: %s", refusal)
-        latched = self._status.ask("TC1")
-        if not latched.startswith("0"):
-            _log.info("error latched before this connection: %s", latched)
+        greet(self._links, self._status)
 
     def identify(self) -> ControllerIdentity:
         """Ask who answers, and prove by asking that every axis of the job has a PVT buffer."""
-        text = self._status.ask(codec.IDENTIFY)
-        model = codec.parse_identity(text)
-        last = ord(self._letters[-1]) - ord("A") + 1
-        if last > model.axes:
-            raise ControllerError(
-                f"controller {text!r} has {model.axes} axes, the machine file uses axis {self._letters[-1]}",
-                "correct the axis letters in the machine file",
-            )
-        places = self._reader.numbers(f"_PV{letter}" for letter in self._letters)
-        if not all(0 <= free <= self.buffer_places for free in places):
-            raise ControllerError(f"controller {text!r} has no PVT buffer of {self.buffer_places} places")
-        return ControllerIdentity(text, model.axes)
+        return identify(self._status, self._reader, self._letters)
 
     def measure_sample_period_s(self, duration_s: float) -> float:
         """Compare the controller's sample counter with the host's clock over `duration_s`."""
@@ -272,21 +253,11 @@ class GalilController:
 
     def abort(self) -> None:
         """Close the gate and stop without deceleration; the bytes leave before anything is waited for."""
-        self._shout_on_any("AB")
+        self._abort()
 
     def estop(self) -> None:
         """Abort, switch the motors off, and latch that on the controller until it loses its power."""
-        self._shout_on_any("AB", f"MO {self._letters}", f"{LATCH}=1")
-
-    def _shout_on_any(self, *commands: str) -> None:
-        # AB ends the thread that may open the gate; what was opened before it is closed behind it.
-        first, *rest = commands
-        lines = [self._gate.close_command, first, self._gate.close_command, *rest, self._gate.stamp_command]
-        try:
-            self._shout(lines)
-        except LinkError:
-            self._abort = self._open("abort")
-            self._shout(lines)
+        self._abort(f"MO {self._letters}", f"{LATCH}=1")
 
     def close(self) -> None:
         """Close all handles; never raises."""
@@ -307,17 +278,6 @@ class GalilController:
         if link not in self._links:
             self._links.append(link)
         return link
-
-    def _shout(self, lines: Sequence[str]) -> None:
-        data = "".join(f"{line}\r" for line in lines).encode("ascii")
-        if self._handles.shared:
-            self._abort.shout(b"\r" + data)
-            self._abort.abandon("an abort broke into it")
-        else:
-            self._abort.shout(data)
-            *acts, _ = self._abort.heard(prompts=len(lines))
-            if not all(acts):  # the stamp, which is last, has no variable after a restart of the controller
-                raise RejectedError("controller refused to abort", "use the emergency stop")
 
     def _refuse_if_latched(self) -> None:
         if self.latched():

@@ -8,7 +8,6 @@ command. Such a link is closed at once and never used again, and so is one that 
 from __future__ import annotations
 
 import hashlib
-import logging
 import re
 import threading
 import time
@@ -18,6 +17,7 @@ from typing import NoReturn, ParamSpec, TypeVar
 
 from ibfctl.errors import ControllerError, LinkError
 from ibfctl.machine.controller import Observer
+from ibfctl_drivers.galil.marked import MarkedText
 from ibfctl_drivers.galil.transport import Transport
 
 MAX_REPLY_BYTES = 65536
@@ -27,11 +27,6 @@ MAX_BYTES_IN_FLIGHT = 400
 
 _PROMPT = re.compile(rb"[:?]")
 _PRINTABLE = re.compile(rb"[\x20-\x7e\t\r\n]*")
-_MARKED = bytes(range(0x80, 0x100))
-_PLAIN = bytes(range(0x80))
-_UNMARK = bytes(byte & 0x7F for byte in range(0x100))
-
-_log = logging.getLogger(__name__)
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -71,7 +66,7 @@ class Link:
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
         self._received = bytearray()
-        self._unsolicited = bytearray()
+        self._marked = MarkedText(name)
         self._owed = 0
         self._closed_because: str | None = None
 
@@ -283,17 +278,7 @@ class Link:
         self._take(self._call(self._transport.receive, remaining_s))
 
     def _take(self, data: bytes) -> None:
-        if not data.isascii():
-            self._unsolicited += data.translate(_UNMARK, _PLAIN)
-            data = data.translate(None, _MARKED)
-            self._log_unsolicited()
-        self._received += data
-
-    def _log_unsolicited(self) -> None:
-        *lines, rest = re.split(rb"[\r\n]+", self._unsolicited)
-        for line in filter(None, lines):
-            _log.warning("%s: controller says: %s", self._name, line.decode("ascii", "replace"))
-        self._unsolicited = bytearray(rest[-MAX_REPLY_BYTES:])
+        self._received += self._marked.out_of(data)
 
     def _send(self, data: bytes) -> None:
         self._call(self._transport.send, data, self._timeout_s)
