@@ -78,7 +78,7 @@ def test_every_suffix_is_covered() -> None:
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(damage=damages())
 def test_a_damaged_file_is_read_or_refused_in_one_line(
     tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]
