@@ -79,18 +79,12 @@ def test_a_plan_that_cannot_be_made_says_why(client: httpx.Client, small_job: Sm
     _problem(client.get(f"{place}/files/plan.h5"), 409, "conflict")
 
 
-def test_an_unreachable_controller_fails_the_run(tmp_path: Path, small_job: SmallJob) -> None:
+def test_an_unreachable_controller_fails_the_run(tmp_path: Path, plan_id: str, settings: Settings) -> None:
     machine = tmp_path / "machine.toml"
-    machine.write_text(small_job.machine.read_text().replace("port = 5023", "port = 1"))
+    machine.write_text(settings.machine.read_text().replace("port = 5023", "port = 1"))
     assert read_machine(machine).connection.port == 1
-    with serving(Settings(tmp_path / "data", machine)) as client:
-        surface = client.post("/v1/maps", params={"format": "npz"}, content=small_job.map.read_bytes()).json()
-        influence = client.post("/v1/influences", params={"formula": TIF}).json()
-        request = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1, "step_mm": 1}
-        place = client.post("/v1/plans", json=request).headers["Location"]
-        plan = ended(client, place)
-        place = client.post("/v1/runs", json={"plan_id": plan["id"]}).headers["Location"]
-        run = ended(client, place)
+    with serving(Settings(settings.data, machine)) as client:
+        run = ended(client, client.post("/v1/runs", json={"plan_id": plan_id}).headers["Location"])
     assert (run["state"], run["error"]["code"]) == ("faulted", "link")
     assert "127.0.0.1:1" in run["error"]["detail"]
 
@@ -110,6 +104,19 @@ def test_the_description_of_the_service_comes_from_the_service(client: httpx.Cli
     paths = client.get("/openapi.json").json()["paths"]
     assert {"/v1/maps", "/v1/influences", "/v1/plans", "/v1/runs", "/v1/runs/{identity}/abort"} <= set(paths)
     assert client.get("/docs").headers["content-type"].startswith("text/html")
+
+
+def test_every_operation_parameter_and_body_is_described(client: httpx.Client) -> None:
+    described = client.get("/openapi.json").json()
+    schemas = described["components"]["schemas"]
+    for path, operations in described["paths"].items():
+        for method, operation in operations.items():
+            assert operation["description"], (method, path)
+            assert all(parameter["description"] for parameter in operation.get("parameters", [])), (method, path)
+            body = operation.get("requestBody", {}).get("content", {}).get("application/json", {}).get("schema", {})
+            names = [part["$ref"].rpartition("/")[2] for part in (body, *body.get("anyOf", [])) if "$ref" in part]
+            for name in names:
+                assert schemas[name].get("examples"), f"{name} has no example"
 
 
 def test_the_service_loads_nothing_numerical() -> None:

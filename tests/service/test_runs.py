@@ -144,6 +144,10 @@ def test_a_slow_listener_holds_nobody_up(settings: Settings, plan_id: str) -> No
             first = client.get(place).json()["status"]["seq"]
             _until(client, place, lambda record: record["status"]["seq"] > first + 5)
             assert "ibfctl_event_listeners 1" in client.get("/metrics").text
+        deadline = time.monotonic() + PATIENCE_S
+        while "ibfctl_event_listeners 0" not in client.get("/metrics").text:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
         client.post(f"{place}/abort")
         ended(client, place)
 

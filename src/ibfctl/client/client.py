@@ -164,7 +164,8 @@ class MachineOfService:
 
     def move(self, x_mm: float | None = None, y_mm: float | None = None) -> MachineNow:
         """Move to a place in coordinates of the machine."""
-        return self._do("move", x_mm=x_mm, y_mm=y_mm)
+        given = {"x_mm": x_mm, "y_mm": y_mm}
+        return self._do("move", **{name: place for name, place in given.items() if place is not None})
 
     def gate_test(self) -> MachineNow:
         """Close the gate, read it back, and see the guard program run."""
@@ -174,7 +175,7 @@ class MachineOfService:
         """Stop everything and latch that on the controller."""
         return self._do("estop")
 
-    def _do(self, act: str, **body: float | None) -> MachineNow:
+    def _do(self, act: str, **body: float) -> MachineNow:
         now: MachineNow = self._transport.ask("POST", f"/v1/machine/{act}", json=body or None)
         while "act" in now and now["act"]["state"] == "running":
             time.sleep(_POLL_S)

@@ -86,13 +86,11 @@ class Events:
             yield b": ibfctl\n\n"
             while True:
                 changed = self._changed
-                cursor_before = -1
-                while cursor != cursor_before:
-                    cursor_before = cursor
-                    for event in await self._after(cursor):
-                        cursor = event.id
-                        if run in (None, event.run):
-                            yield _frame(event.kind, _shown(event), event.id)
+                while events := await self._after(cursor):
+                    cursor = events[-1].id
+                    frames = [_frame(e.kind, _shown(e), e.id) for e in events if run in (None, e.run)]
+                    if frames:
+                        yield b"".join(frames)
                 for name, sample in list(self._samples.items()):
                     if run in (None, name) and sent.get(name) != sample.seq:
                         sent[name] = sample.seq

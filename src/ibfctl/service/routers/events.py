@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query
 from starlette.responses import StreamingResponse
@@ -20,10 +20,16 @@ event: telemetry
 data: {"run": "019ab2c4d5e6f708", "seq": 42, "progress": 0.31, "margin_s": 1.9, "gate": "open"}
 
 """
+_TEXT = {"type": "string"}
+_EVENT = {
+    "type": "object",
+    "description": "One event of the stream; `id` is absent for telemetry, `data` is JSON.",
+    "properties": {"id": _TEXT, "event": _TEXT, "data": _TEXT},
+}
 _STREAM: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "Server-sent events.",
-        "content": {_MEDIA_TYPE: {"schema": {"type": "string"}, "example": _EXAMPLE}},
+        "content": {_MEDIA_TYPE: {"schema": _EVENT, "example": _EXAMPLE}},
     }
 }
 _Place = Annotated[int | None, Query(ge=0, description="As the header Last-Event-ID, which comes before it.")]
@@ -35,12 +41,14 @@ async def stream_events(
     run: Annotated[str | None, Query(description="Only what concerns this run.")] = None,
     after: _Place = None,
     last_event_id: Annotated[int | None, Header(ge=0, description="Replay the journal after this event.")] = None,
-    follow: Annotated[bool, Query(description="Go on with what comes; false: end with what is there.")] = True,
+    follow: Annotated[
+        Literal["true", "false"], Query(description="Go on with what comes; false: end with what is there.")
+    ] = "true",
 ) -> StreamingResponse:
     """Stream events: those of the journal with their ids, and `telemetry`, the status of runs up to 10 times a second.
 
     A listener that is slow misses samples of the telemetry, and no event of the journal.
     """
     place = last_event_id if last_event_id is not None else after
-    frames = service.events.stream(place, run, follow=follow)
+    frames = service.events.stream(place, run, follow=follow == "true")
     return StreamingResponse(frames, media_type=_MEDIA_TYPE, headers={"Cache-Control": "no-store"})

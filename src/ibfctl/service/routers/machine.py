@@ -17,7 +17,9 @@ from ibfctl.service.state import Asking, Service, State
 
 router = APIRouter(prefix="/machine", tags=["machine"])
 everything = APIRouter(tags=["machine"])
-_Place = Annotated[float | None, Field(allow_inf_nan=False, description="Coordinate of the machine; absent: stays.")]
+_Place = Annotated[
+    float, Field(default=None, allow_inf_nan=False, description="Coordinate of the machine; absent: stays.")
+]
 _ACT: dict[str, Any] = {
     "status_code": 202,
     "response_model": MachineNow,
@@ -29,14 +31,16 @@ _ACT: dict[str, Any] = {
 class MoveRequest(BaseModel):
     """Where to move."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"x_mm": 10.0, "y_mm": -2.5}]})
+    model_config = ConfigDict(
+        extra="forbid", json_schema_extra={"minProperties": 1, "examples": [{"x_mm": 10.0, "y_mm": -2.5}]}
+    )
 
-    x_mm: _Place = None
-    y_mm: _Place = None
+    x_mm: _Place
+    y_mm: _Place
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
-        if self.x_mm is None and self.y_mm is None:
+        if not self.model_fields_set:
             raise ValueError("give x_mm, y_mm, or both")
         return self
 
@@ -62,8 +66,8 @@ async def home_machine(service: Service, asking: Asking) -> dict[str, Any]:
 @router.post("/move", **_ACT)
 async def move_machine(request: MoveRequest, service: Service, asking: Asking) -> dict[str, Any]:
     """Move to a place with the gate closed, at the approach speed of the machine file."""
-    given = {"x": request.x_mm, "y": request.y_mm}
-    return await _begin(service, "move", asking, {name: place for name, place in given.items() if place is not None})
+    target_mm = {name.removesuffix("_mm"): place for name, place in request.model_dump(exclude_unset=True).items()}
+    return await _begin(service, "move", asking, target_mm)
 
 
 @router.post("/gate-test", **_ACT)

@@ -46,10 +46,18 @@ PlanFile = Literal[
 _FILES: tuple[PlanFile, ...] = get_args(PlanFile)
 
 
+_EXAMPLE: dict[str, Any] = {
+    "map_id": "019ab2c4d5e6f708",
+    "influence_id": "019ab2c4d5e6f709",
+    "pitch_mm": 1.0,
+    "max_residual_nm": 0.5,
+}
+
+
 class PlanRequest(BaseModel):
     """What to plan; options as those of `ibfctl plan`."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [_EXAMPLE]})
 
     map_id: str
     influence_id: str

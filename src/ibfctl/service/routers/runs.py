@@ -51,7 +51,7 @@ class RunRequest(BaseModel):
 class PauseRequest(BaseModel):
     """When to pause."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"when": "now"}]})
 
     when: Annotated[
         Literal["safe-point", "now"],
