@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ibfctl.dwell.motion import executed_operator, executed_removal
 from ibfctl.dwell.solver import Cancelled, Descent, Regularisation
+from ibfctl.errors import CancelledError
 from ibfctl.planning.job import PlanningJob
 from ibfctl.planning.plan import Round
 from ibfctl.schedule.scheduler import PvtSchedule
@@ -101,6 +102,8 @@ def refine(
             # No schedule is shorter than what is asked of it.
             if asked_s.sum() > longest_s:
                 continue
+            if cancelled():
+                raise CancelledError("planning was cancelled", "start it again when wanted")
             tried = execute(job, asked_s)
             scheduled = tried.scheduled
             in_time = scheduled.program.total_time_s <= longest_s and job.keeps(scheduled.segment_time_s)

@@ -328,9 +328,13 @@ def test_planning_ends_when_it_is_cancelled(
     assert calls == asked + 1
 
 
-@pytest.mark.parametrize("path", ["raster", "maze"])
+@pytest.mark.parametrize(
+    "choice",
+    [{"path": "raster"}, {"path": "maze"}, {"trade_off": True}, {"l_curve": True}, {"v_min_mm_s": 1.0}],
+    ids=lambda choice: next(iter(choice)) if "path" not in choice else choice["path"],
+)
 def test_whoever_cancels_is_heard_within_a_second(
-    tool: InfluenceFunction, machine: MachineDescription, path: str
+    tool: InfluenceFunction, machine: MachineDescription, choice: dict[str, object]
 ) -> None:
     y, x = np.mgrid[-1:1:150j, -1:1:200j]
     surface = SurfaceMap.centred(30 * (x**2 + y**2) + 5 * np.sin(9 * x * y), 0.1)
@@ -340,7 +344,7 @@ def test_whoever_cancels_is_heard_within_a_second(
         asked_s.append(time.process_time())
         return False
 
-    options = PlanOptions(pitch_mm=0.3, step_mm=0.3, path=path)  # type: ignore[arg-type]
+    options = PlanOptions(pitch_mm=0.3, step_mm=0.3, **choice)  # type: ignore[arg-type]
     plan = make_plan(surface, tool, machine, options, cancelled=listen)
     asked_s.append(time.process_time())
     assert plan.path.segments > 5000
