@@ -26,7 +26,7 @@ from ibfctl.planning.planner import make_plan
 from ibfctl.surface.influence import InfluenceFunction, gaussian
 from ibfctl.surface.map import Rectangle
 
-PITCH_MM, SEEDS = 0.5, 4
+PITCH_MM, SEEDS = 0.5, 10
 TOLERANCE_MM = 0.05 * PITCH_MM
 
 

@@ -23,7 +23,7 @@ from ibfctl.schedule.counting import even_samples
 from ibfctl.schedule.hermite import Cubics, excursion
 from ibfctl.schedule.scheduler import PvtSchedule, axis_tasks, counted_path, schedule
 from ibfctl.schedule.task import AxisTask, free_nodes
-from ibfctl.schedule.velocity import solve_velocities, spline_velocities
+from ibfctl.schedule.velocity import Known, solve_velocities, spline_velocities
 
 FloatArray = NDArray[np.float64]
 
@@ -152,13 +152,15 @@ def _whole_pairs(smoothed: SmoothedPath, segment_samples: IntArray) -> IntArray:
 def _lengthened(smoothed: SmoothedPath, samples: IntArray, machine: MachineDescription) -> IntArray:
     """Lengthen the pieces (m,) that break a limit until none does, or lengthening them does not help."""
     moving = np.zeros(smoothed.pieces.segments, dtype=bool)
+    known: Known | None = None
     for _ in range(_LENGTHENING_ROUNDS):
         counted = counted_path(smoothed.pieces, samples, machine, moving)
         tasks = axis_tasks(counted, machine, moving)
         time_s = seconds(counted.time_samples, machine.sample_period_s)
         excess = np.zeros(samples.size)
         corridor_mm = smoothed.corridor_mm[counted.source_segment]
-        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=False)
+        solution = solve_velocities(tasks, time_s, corridor_mm, last_resort=False, known=known, nearby=True)
+        known = Known(tasks, time_s, solution)
         np.maximum.at(excess, counted.source_segment, solution.excess)
         if not excess.any():
             break

@@ -70,6 +70,7 @@ def solve_velocities(
     *,
     last_resort: bool,
     known: Known | None = None,
+    nearby: bool = False,
 ) -> VelocitySolution:
     """Choose the node velocities of both axes, rounded as the controller gets them.
 
@@ -86,21 +87,27 @@ def solve_velocities(
     known
         An earlier solution: where it has as many segments, stretches from stop to stop that are as they were keep
         their velocities.
+    nearby
+        Solve only around what breaks a limit or has changed, never a whole stretch from stop to stop.
     """
     velocities = (
         tasks[0].rounded(spline_velocities(tasks[0], time_s)),
         tasks[1].rounded(spline_velocities(tasks[1], time_s)),
     )
     if known is not None and known.time_s.size == time_s.size:
+        changed = known.changed(tasks, time_s)
         kept = np.ones(time_s.size + 1, dtype=bool)
-        kept[stretches(tasks, known.changed(tasks, time_s)) + 1] = False
+        if nearby:
+            kept = ~_nodes_around(changed, _REACH, np.arange(time_s.size))
+        else:
+            kept[stretches(tasks, changed) + 1] = False
         for velocity, earlier in zip(velocities, known.solution.velocity_mm_s, strict=True):
             velocity[kept] = earlier[kept]
     excess = limit_excess(tasks, velocities, time_s, corridor_mm)
     # What one segment needs fades from node to node: solve around what breaks a limit, and only where that does
     # not do, the whole stretch from stop to stop. A long programme may leave more than a short one.
     tried = np.zeros(time_s.size + 1, dtype=bool)
-    for reach in (_REACH, time_s.size):
+    for reach in (_REACH,) if nearby else (_REACH, time_s.size):
         broken = excess > 0
         wanted = _nodes_around(broken, reach, stretches(tasks, broken))
         if not (wanted & ~tried).any():
