@@ -23,7 +23,7 @@ def watch(client: Client, identity: str) -> Run:
     """Show a run until it is over, and return it."""
     from ibfctl.client.records import OVER
 
-    with _display() as show:
+    with display() as show:
         run = client.runs.show(identity)
         if run["state"] not in OVER:
             for event in client.events(run=identity, after=0):
@@ -62,7 +62,8 @@ def _clock(seconds: float) -> str:
 
 
 @contextmanager
-def _display() -> Iterator[Callable[[Told], None]]:
+def display() -> Iterator[Callable[[Told], None]]:
+    """Yield a function that shows a status."""
     if sys.stderr.isatty():
         try:
             from rich.console import Console
