@@ -56,6 +56,17 @@ def test_the_tikhonov_factor_is_given_or_found(
     assert "trade_off" not in found
 
 
+@pytest.mark.parametrize("max_time", [12, 20, 30, 60])
+def test_a_run_time_is_used_and_kept(
+    small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str], max_time: int
+) -> None:
+    _json(capsys, small_job.plan_arguments(path, "--max-time", str(max_time), "--no-loop"))
+    plan = read_plan(path)
+    assert plan.dwell.time_s.sum() == pytest.approx(max_time, rel=1e-3)
+    # What the limits of the machine lengthen comes on top.
+    assert plan.program.total_time_s <= 1.04 * max_time
+
+
 def test_a_slowest_speed_bounds_every_time(small_job: SmallJob, path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = small_job.plan_arguments(path, "--v-min-mm-s", "2", "--dwell-bounds", "ramp", "--no-loop")
     figures = _json(capsys, arguments)

@@ -80,3 +80,10 @@ def better(one: TradeOffPoint, other: TradeOffPoint, aim: Aim, allowed_nm: float
     if len(fits) == 2:
         return min(fits, key=lambda point: point.total_time_s)
     return fits[0] if fits else min((one, other), key=lambda point: point.rms_nm)
+
+
+def in_time(short_s: FloatArray, long_s: FloatArray, max_time_s: float) -> FloatArray:
+    """Return the times (n,) on the line between two solutions that take `max_time_s` in all, or the nearer end."""
+    shorter, longer = float(short_s.sum()), float(long_s.sum())
+    share = (max_time_s - shorter) / (longer - shorter) if longer > shorter else 0.0
+    return np.asarray(short_s + min(max(share, 0.0), 1.0) * (long_s - short_s))

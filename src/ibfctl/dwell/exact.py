@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better
+from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, better, in_time
 from ibfctl.dwell.compression import CompressedProblem
 from ibfctl.dwell.interior import first_point, solve_interior
 from ibfctl.dwell.solver import Cancelled, DwellProblem, Regularisation
@@ -20,6 +20,8 @@ _FREE = 3e-3
 # First guess of the price of all beam time, as a share of the squared target.
 _FIRST = 3e-6
 _SEARCHES = 5
+# Where the aim is far away, so many searches and such a stride of the price's logarithm at most.
+_MOST_SEARCHES, _LONGEST_STRIDE = 14, 4.0
 # The floor is found where a nearly free price no longer lowers it by five per cent, or after three.
 _FLOORS = 3
 _SETTLED = 0.95
@@ -79,29 +81,48 @@ def aim_exactly(
             return aim.max_time_s / point.total_time_s - 1
         return point.rms_nm / (allowed_nm or point.rms_nm) - 1
 
-    for _ in range(_SEARCHES):
+    for search in range(_MOST_SEARCHES):
         distances = [too_dear(point) for point in points]
-        if any(-_CLOSE <= distance <= 0 for distance in distances):
+        enclosed = min(distances) <= 0 < max(distances) or aim.seconds_per_nm is not None
+        if any(-_CLOSE <= distance <= 0 for distance in distances) or (enclosed and search >= _SEARCHES):
             break
         if aim.seconds_per_nm is not None:
             # The residual hardly depends on the price: what it asks for is almost the answer.
             at(points[-1].rms_nm / aim.seconds_per_nm)
         else:
             at(_next_price([point.price_nm2_s for point in points], distances))
+    if aim.max_time_s is not None:
+        chosen = _on_line(problem, points, aim.max_time_s, residual_nm)
+        return TradeOff(min(*points, chosen, key=lambda point: point.rms_nm), chosen)
     chosen = points[0]
     for point in points:
         chosen = better(point, chosen, aim, allowed_nm or np.inf)
     return TradeOff(min(floor, chosen, key=lambda point: point.rms_nm), chosen)
 
 
+def _on_line(
+    problem: DwellProblem, points: list[TradeOffPoint], max_time_s: float, residual_nm: Residual
+) -> TradeOffPoint:
+    """Return the point of the given time between the two solutions that enclose it, or the shortest times and one."""
+    longer = [point for point in points if point.total_time_s > max_time_s]
+    shorter = [point for point in points if point.total_time_s <= max_time_s]
+    if not longer:
+        return max(shorter, key=lambda point: point.total_time_s)
+    above = min(longer, key=lambda point: point.total_time_s)
+    below_s = max(shorter, key=lambda point: point.total_time_s).time_s if shorter else problem.lower_s
+    time_s = in_time(below_s, above.time_s, max_time_s)
+    return TradeOffPoint(above.price_nm2_s, residual_nm(time_s), float(time_s.sum()), time_s)
+
+
 def _next_price(prices: list[float], distances: list[float]) -> float:
-    """Price at which the distance should be just below zero: secant on its logarithm, within one decade."""
+    """Price at which the distance should be just below zero: secant on its logarithm, ever longer strides outside."""
     order = np.argsort(prices)
     log_price, distance = np.log(np.array(prices))[order], np.array(distances)[order] + 0.5 * _CLOSE
     above = int(np.searchsorted(distance > 0, True))
     if log_price.size == 1 or above in {0, log_price.size}:
         edge = log_price[0] if above == 0 else log_price[-1]
-        return float(np.exp(edge + (-1.5 if above == 0 else 1.5)))
+        stride = min(1.5 * 1.5 ** (log_price.size - 1), _LONGEST_STRIDE)
+        return float(np.exp(edge + (-stride if above == 0 else stride)))
     low, high = above - 1, above
     share = -distance[low] / (distance[high] - distance[low])
     return float(np.exp(log_price[low] + np.clip(share, 0.05, 0.95) * (log_price[high] - log_price[low])))

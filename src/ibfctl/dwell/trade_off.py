@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, ignored
+from ibfctl.dwell.aim import Aim, Share, TradeOff, TradeOffPoint, ignored, in_time
 from ibfctl.dwell.compression import compress
 from ibfctl.dwell.exact import aim_exactly
 from ibfctl.dwell.solver import Cancelled, Descent, DwellProblem, Regularisation, never
@@ -133,7 +133,7 @@ def _by_descent(
     floor = point(to_floor.time_s, lowest)
     if aim.max_time_s is not None:
         longer_s = to_aim.time_s if short_s is not to_aim.time_s else to_floor.time_s
-        return TradeOff(floor, point(_in_time(short_s, longer_s, aim.max_time_s), price))
+        return TradeOff(floor, point(in_time(short_s, longer_s, aim.max_time_s), price))
     if aim.seconds_per_nm is not None:
         return TradeOff(floor, point(to_aim.time_s, price))
     allowed_nm = aim.max_residual_nm or (1 + aim.margin) * floor.rms_nm
@@ -160,13 +160,6 @@ def _steering(aim: Aim, price_nm2_s: float, rms_nm: float, floor_nm: float, tota
     # The residual grows with the square of the price, but slowly: half of the way there.
     excess = max(rms_nm / floor_nm - 1, 0.0)
     return (aim.margin / excess) ** 0.25 if excess > 0 else _CHANGE
-
-
-def _in_time(short_s: FloatArray, long_s: FloatArray, max_time_s: float) -> FloatArray:
-    """Return the times (n,) on the line between two solutions that take `max_time_s` in all, or the nearer end."""
-    shorter, longer = float(short_s.sum()), float(long_s.sum())
-    share = (max_time_s - shorter) / (longer - shorter) if longer > shorter else 0.0
-    return np.asarray(short_s + min(max(share, 0.0), 1.0) * (long_s - short_s))
 
 
 def _to_residual(problem: DwellProblem, short_s: FloatArray, long_s: FloatArray, allowed_nm: float) -> FloatArray:
