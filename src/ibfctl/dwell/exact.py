@@ -86,6 +86,9 @@ def aim_exactly(
         enclosed = min(distances) <= 0 < max(distances) or aim.seconds_per_nm is not None
         if any(-_CLOSE <= distance <= 0 for distance in distances) or (enclosed and search >= _SEARCHES):
             break
+        cheapest = min(points, key=lambda point: point.price_nm2_s)
+        if min(distances) > 0 and cheapest.price_nm2_s < _FREE * cheapest.rms_nm**2 / cheapest.total_time_s:
+            break  # that is the floor: more time gains nothing
         if aim.seconds_per_nm is not None:
             # The residual hardly depends on the price: what it asks for is almost the answer.
             at(points[-1].rms_nm / aim.seconds_per_nm)
