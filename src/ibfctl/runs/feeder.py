@@ -159,6 +159,7 @@ class Feeder:
 
     def _poll(self) -> BufferStatus:
         asked_at = time.monotonic()
+        self.log.ask(asked_at)
         status = self._controller.buffer_status()
         now = time.monotonic()
         self.log.add(status, asked_at, now)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -16,6 +17,8 @@ from ibfctl.runs.rig import Rig
 from ibfctl.runs.states import RunState
 
 HOLD_S = 0.1
+GUARD_LOOKS = 0.02
+"""Share of its patience after which the guard has surely looked again."""
 
 _log = logging.getLogger(__name__)
 
@@ -218,5 +221,6 @@ class _Work:
         seen = min(int(polls.time_samples[-1]) - begun, closes) if begun and polls.time_samples.size else 0
         if seen <= opens:
             return None, 0
-        patience = round(self._rig.patience_s / leg.program.sample_period_s)
-        return (opens + leg.shift_samples, seen + leg.shift_samples), min(patience, closes - seen)
+        unheard_s = (1 + GUARD_LOOKS) * self._rig.patience_s + polls.unanswered_s * self._rig.time_scale
+        later = math.ceil(unheard_s / leg.program.sample_period_s)
+        return (opens + leg.shift_samples, seen + leg.shift_samples), min(later, closes - seen)

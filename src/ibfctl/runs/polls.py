@@ -27,12 +27,15 @@ class Polls:
         Encoder positions.
     round_trip_s
         The longest round trip of all.
+    unanswered_s
+        How long after the last poll that was answered the last one was sent; it may have been a sign of life.
     """
 
     time_samples: IntArray
     host_s: NDArray[np.float64]
     position_counts: dict[str, IntArray]
     round_trip_s: float
+    unanswered_s: float
 
 
 class PollLog:
@@ -42,9 +45,15 @@ class PollLog:
         self._time, self._host = array("q"), array("d")
         self._positions = {letter: array("q") for letter in letters}
         self._round_trip_s = 0.0
+        self._sent_at = self._answered_from = 0.0
+
+    def ask(self, asked_at: float) -> None:
+        """Note that a poll is sent."""
+        self._sent_at = asked_at
 
     def add(self, status: BufferStatus, asked_at: float, answered_at: float) -> None:
         """Keep one answer."""
+        self._sent_at = self._answered_from = asked_at
         self._time.append(status.time_samples)
         self._host.append((asked_at + answered_at) / 2)
         self._round_trip_s = max(self._round_trip_s, answered_at - asked_at)
@@ -58,4 +67,5 @@ class PollLog:
             np.array(self._host, dtype=np.float64),
             {letter: np.array(values, dtype=np.int64) for letter, values in self._positions.items()},
             self._round_trip_s,
+            self._sent_at - self._answered_from,
         )
