@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -107,7 +108,7 @@ def write_inputs(plan: Plan, data: Path) -> None:
     """Write plan and machine file into a data folder."""
     write_plan(plan, data / "plan.h5")
     text = shipped_machine("simulator").read_text(encoding="utf-8")
-    (data / "machine.toml").write_text(text.replace("[beam_gate]", f"[beam_gate]\nguard_patience_s = {PATIENCE_S}"))
+    (data / "machine.toml").write_text(re.sub("guard_patience_s = .*", f"guard_patience_s = {PATIENCE_S}", text))
 
 
 def waiting_run(data: Path, emulated: EmulatedController, run: str) -> Path:

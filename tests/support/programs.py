@@ -26,7 +26,7 @@ def machine(host: str = "127.0.0.1", port: int = 5023, **connection: object) -> 
             },
             "servo": {"position_tolerance_counts": 1, "approach_speed_mm_s": 50, "settle_timeout_s": 10},
             "homing": {"method": "absolute"},
-            "beam_gate": {"output": 1},
+            "beam_gate": {"output": 1, "guard_patience_s": 2.0},
             "connection": {"host": host, "port": port, "timeout_s": 2.0, **connection},
         }
     )

@@ -21,11 +21,11 @@ class AxisReader:
     def __init__(self, link: Link) -> None:
         self._link = link
 
-    def numbers(self, operands: Iterable[str], after: str | None = None) -> list[int]:
-        """Return the whole numbers that `operands` stand for; `after` travels just before, as in `Link.ask`."""
+    def numbers(self, operands: Iterable[str]) -> list[int]:
+        """Return the whole numbers that `operands` stand for."""
         names = list(operands)
         question = message_of(names)
-        return parse_integers(self._link.ask(question, after=after), len(names), question)
+        return parse_integers(self._link.ask(question), len(names), question)
 
     def variable(self, name: str) -> int | None:
         """Return the value of a variable on the controller; None where there is none of that name."""

@@ -15,7 +15,7 @@ from ibfctl_drivers.galil.axes import AxisReader
 from ibfctl_drivers.galil.clock import sample_period_s
 from ibfctl_drivers.galil.gate import GateOutput
 from ibfctl_drivers.galil.greeting import greet, identify
-from ibfctl_drivers.galil.guard import CLOSER, OPENER, THREAD_RUNS, Guard, guard_lines
+from ibfctl_drivers.galil.guard import CLOSER, OPENER, SIGN_OF_LIFE, THREAD_RUNS, Guard, guard_lines
 from ibfctl_drivers.galil.handles import handles_to
 from ibfctl_drivers.galil.link import Link, RejectedError
 from ibfctl_drivers.galil.segments import PLACES, SegmentMode, low_water, mode_for
@@ -51,9 +51,10 @@ def connect(machine: MachineDescription, on_exchange: Observer | None = None) ->
 class GalilController:
     """A connected Galil controller; see `ibfctl.machine.controller.MotionController` for the contract.
 
-    The handles are opened in the order stream, status, gate, abort. PV lines and begin use the stream
-    handle, questions and all else the status handle; the gate and abort have theirs to themselves. On a
-    serial line all four are one; an abort then breaks into it, and the line is opened anew.
+    The handles are opened in the order stream, status, gate, abort. PV lines and begin use the stream handle,
+    questions and all else the status handle; the gate shares its own with the signs of life alone, and the abort has
+    one to itself: of the eight that there are, a second program needs four too. On a serial line all four are one; an
+    abort then breaks into it, and the line is opened anew.
     """
 
     buffer_places = PLACES
@@ -190,7 +191,7 @@ class GalilController:
             lines.append(f"XQ {OPENER if open_at else CLOSER},1")
         elif open_at:
             raise ControllerError("a contour's gate opens with its begin", "run it from its begin")
-        self._guard.beat_now()
+        self._status.tell(SIGN_OF_LIFE)
         try:
             self._stream.pipeline([f"{line}\r".encode("ascii") for line in lines])
         except RejectedError as refusal:
@@ -202,6 +203,10 @@ class GalilController:
         if not open_at and not self._gate.is_open() and self.stamps().closed is None:
             raise ControllerError("the beam gate did not open", "check its output and wiring")
 
+    def sign_of_life(self) -> None:
+        """Tell the guard that the host lives."""
+        self._gate.tell(SIGN_OF_LIFE)
+
     def set_close_at(self, segment: int) -> None:
         """Have the gate closed on the controller when so many segments are over."""
         self._status.tell(f"gclose={segment}")
@@ -212,11 +217,11 @@ class GalilController:
         return Stamps(begun or None, opened or None, closed or None, now)
 
     def buffer_status(self) -> BufferStatus:
-        """Poll all that the streamer needs in one round trip, with a sign of life."""
+        """Poll all that the streamer needs in one round trip."""
         letters, counts = self._letters, self._mode.operands()
         others = [*(f"_SC{letter}" for letter in letters), *(f"_TP{letter}" for letter in letters)]
         names = [*counts, *others, THREAD_RUNS, "TIME", self._gate.operand]
-        values = self._reader.numbers(names, after=self._guard.beat())
+        values = self._reader.numbers(names)
         executed, free = self._mode.counts(values[: len(counts)], self._queued)
         self._free = dict(zip(letters, free, strict=True))
         codes = values[len(counts) :]

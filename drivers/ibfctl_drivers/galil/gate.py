@@ -1,4 +1,4 @@
-"""The beam gate: a digital output with a handle of its own, so that closing it waits for nothing else."""
+"""The beam gate: a digital output with a handle of its own, so that closing it waits for no stream."""
 
 from __future__ import annotations
 
@@ -57,6 +57,11 @@ class GateOutput:
             self._connect()
             question = message_of(operands)
             return parse_integers(self._link.ask(question), len(operands), question)
+
+    def tell(self, command: str) -> None:
+        """Send a command over this handle; one that is dead is left to the next closing."""
+        with self._lock:
+            self._link.tell(command)
 
     def close(self, then: str | None = None) -> None:
         """Close the gate and read it back, on fresh handles if need be; `then` follows once it reads closed.

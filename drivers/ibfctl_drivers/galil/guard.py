@@ -11,7 +11,6 @@ a sample. Whoever closes the gate halts it, so that nobody opens the gate again 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 from ibfctl.errors import ControllerError
@@ -24,7 +23,6 @@ THREAD_RUNS = "_XQ0"
 THREADS = 8
 PLACES = 255
 SIGN_OF_LIFE = "gbeat=TIME"
-BEAT_INTERVAL_S = 0.1
 LOOPS_IN_PATIENCE = 250
 LOW_WATER_LOOPS = 5
 """The guard takes the buffer for about to run dry when it holds less than it needs for so many looks."""
@@ -90,7 +88,6 @@ class Guard:
     def __init__(self, link: Link, lines: Sequence[str]) -> None:
         self._link = link
         self._lines = list(lines)
-        self._next_beat = float("inf")
         self._low_water_samples = 0
 
     def owner_age_s(self) -> float | None:
@@ -131,7 +128,7 @@ class Guard:
         self._low_water_samples = LOW_WATER_LOOPS * wait
         for assignment in (f"gwait={wait}", "gtrip=0", "gend=0", f"glow={PLACES}", "gold=0", "gdry=0"):
             self._link.tell(assignment)
-        self.beat_now()
+        self._link.tell(SIGN_OF_LIFE)
         self._link.tell(f"XQ {NAME},0")
         if self._thread_lines()[0] < 0:
             raise ControllerError("the guard program does not run", "look at the controller's program errors")
@@ -139,7 +136,6 @@ class Guard:
     def stop(self) -> None:
         """Halt the program; without it nobody closes the gate but the host."""
         self._halt()
-        self._next_beat = float("inf")
 
     def reason(self) -> str:
         """Say why the guard has stopped the axes."""
@@ -158,18 +154,6 @@ class Guard:
     def _halt(self) -> None:
         self._link.tell("HX 1")
         self._link.tell("HX 0")
-
-    def beat(self) -> str | None:
-        """Return the command that gives a sign of life if one is due; none is before the first `start`."""
-        if time.monotonic() < self._next_beat:
-            return None
-        self._next_beat = time.monotonic() + BEAT_INTERVAL_S
-        return SIGN_OF_LIFE
-
-    def beat_now(self) -> None:
-        """Give a sign of life."""
-        self._link.tell(SIGN_OF_LIFE)
-        self._next_beat = time.monotonic() + BEAT_INTERVAL_S
 
     def _refuse_running_threads(self) -> None:
         for thread, line in enumerate(self._thread_lines()):

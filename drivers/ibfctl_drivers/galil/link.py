@@ -80,15 +80,8 @@ class Link:
         self._closed_because = self._closed_because or "it was closed"
         self._transport.close()
 
-    def ask(self, question: str, after: str | None = None) -> str:
+    def ask(self, question: str) -> str:
         """Send a command that answers with data; return its text, without its line end.
-
-        Parameters
-        ----------
-        question
-            The command.
-        after
-            A command without data that travels in the same packet, just before.
 
         Raises
         ------
@@ -97,11 +90,11 @@ class Link:
         LinkError
             If it answers too late or otherwise than the protocol allows. The link is closed then.
         """
-        return self._request(question, with_data=True, after=after)
+        return self._request(question, with_data=True)
 
     def tell(self, command: str) -> None:
         """Send a command that answers without data; raises as `ask`."""
-        self._request(command, with_data=False, after=None)
+        self._request(command, with_data=False)
 
     def pipeline(self, lines: Sequence[bytes], told_as: str | None = None) -> None:
         """Send complete lines that answer without data, several in flight, and check every prompt.
@@ -190,9 +183,9 @@ class Link:
         """Let nobody use this link any more, though its transport stays open until `close`; waits for no lock."""
         self._closed_because = self._closed_because or reason
 
-    def _request(self, command: str, *, with_data: bool, after: str | None) -> str:
+    def _request(self, command: str, *, with_data: bool) -> str:
         with self._lock:
-            text, accepted = self._exchange(command, after)
+            text, accepted = self._exchange(command)
             if accepted:
                 if bool(text) is not with_data:
                     self._fail(f"{text[:40]!r} is no answer to {command!r}")
@@ -203,14 +196,11 @@ class Link:
             "look the code up in the controller's command reference",
         )
 
-    def _exchange(self, command: str, after: str | None = None) -> tuple[str, bool]:
+    def _exchange(self, command: str) -> tuple[str, bool]:
         self._settle()
-        self._send("".join(f"{line}\r" for line in (after, command) if line is not None).encode("ascii"))
-        deadline = time.monotonic() + self._timeout_s
-        if after is not None and self._reply(deadline) != ("", True):
-            self._fail(f"no bare prompt for {after!r}")
-        text, accepted = self._reply(deadline)
-        self._note(command if after is None else f"{after}\r{command}", f"{text}{':' if accepted else '?'}")
+        self._send(f"{command}\r".encode("ascii"))
+        text, accepted = self._reply(time.monotonic() + self._timeout_s)
+        self._note(command, f"{text}{':' if accepted else '?'}")
         if self._received:
             self._fail(f"more than one reply to {command!r}: {bytes(self._received[:40])!r} too many")
         return text, accepted

@@ -156,8 +156,11 @@ class MotionController(Protocol):
 
         While the gate is open, the guard closes it on the controller itself when the motion is over, and
         closes it and stops the axes on a limit, a position error, a lost link, a buffer that is about to be empty
-        without an end marker, or when no `buffer_status` was asked for during `patience_s` seconds of the controller.
+        without an end marker, or when it heard no `sign_of_life` during `patience_s` seconds of the controller.
         """
+
+    def sign_of_life(self) -> None:
+        """Tell the guard that the host lives, from a thread of its own: it waits for no segments and no polls."""
 
     def stop_guard(self) -> None:
         """Halt the guard; only once the gate is closed and the axes stand."""

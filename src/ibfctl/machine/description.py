@@ -72,7 +72,7 @@ class BeamGate(_Section):
 
     output: Annotated[int, Field(ge=1, le=80)]
     open_when: Literal["set", "clear"] = "set"
-    guard_patience_s: Annotated[float, Field(ge=0.5, le=60)] = 2.0
+    guard_patience_s: Annotated[float, Field(ge=0.3, le=60)] = 0.4
 
 
 class Interlock(_Section):

@@ -21,6 +21,7 @@ from ibfctl.runs.interlocks import Interlocks
 from ibfctl.runs.leg import Leg, LegEnd, LegOutcome, end_of
 from ibfctl.runs.motion import execute_leg
 from ibfctl.runs.outcome import RunProgress
+from ibfctl.runs.pulse import Pulse
 from ibfctl.runs.requests import Requests
 from ibfctl.runs.result import RunResult
 from ibfctl.runs.rig import Rig
@@ -82,6 +83,7 @@ def conduct(
     run = _Run(plan, machine, requests, report, resume_at)
     with ExitStack() as watches:
         sentinel = watches.enter_context(Sentinel(controller, requests))
+        watches.enter_context(Pulse(controller))
         run.rig = Rig(machine, controller, requests, sentinel, time_scale, poll_interval_s)
         try:
             run.interlocks = Interlocks(machine.interlocks, controller, requests, report)

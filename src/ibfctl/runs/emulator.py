@@ -20,6 +20,7 @@ from ibfctl.machine.description import MachineDescription
 
 START_TIMEOUT_S = 30.0
 END_TIMEOUT_S = 30.0
+EMULATED_PATIENCE_S = 2.0
 
 LISTENING = re.compile(rb"listening on (?P<host>\S+):(?P<port>\d+)\s*\n")
 
@@ -33,11 +34,16 @@ class EmulatedController:
     time_scale: float
 
     def in_place_of(self, machine: MachineDescription) -> MachineDescription:
-        """Return `machine` with the emulated controller, whose encoders are absolute, instead of its own."""
+        """Return `machine` with the emulated controller instead of its own.
+
+        Its encoders are absolute, and its guard bears with a computer that is busy with the emulated controller too.
+        """
         address = {"host": self.host, "port": self.port, "serial": None}
         connection = machine.connection.model_copy(update=address)
         homing = machine.homing.model_copy(update={"method": "absolute"})
-        return machine.model_copy(update={"connection": connection, "homing": homing})
+        patience_s = max(machine.beam_gate.guard_patience_s, EMULATED_PATIENCE_S)
+        gate = machine.beam_gate.model_copy(update={"guard_patience_s": patience_s})
+        return machine.model_copy(update={"connection": connection, "homing": homing, "beam_gate": gate})
 
 
 @contextmanager

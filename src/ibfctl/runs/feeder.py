@@ -24,8 +24,8 @@ END_GRACE_S = 0.05
 STALL_S = 2.0
 CLOCK_DRIFT = 2e-4
 PAUSE_SHARE = 8
-AHEAD_OF_PATIENCE = 2
-"""A buffer much deeper than the guard is patient protects nothing, and makes a pause slow."""
+AHEAD_S = 4.0
+"""On the host's clock: a stall of the whole host ends a run long before, and a deeper buffer makes a pause slow."""
 LEAST_AHEAD_SEGMENTS = 4
 
 
@@ -69,7 +69,7 @@ class Feeder:
         program = leg.program
         self._check_counts = CountCheck(rig.controller.buffer_places, program.RUNNING_CODE, program.COMPLETE_CODE)
         self._portion = LARGEST_PORTION
-        self._ahead_s = AHEAD_OF_PATIENCE * rig.patience_s
+        self._ahead_s = AHEAD_S * rig.time_scale
         self._end_sent = False
         self._began = False
         self.began_samples = 0

@@ -13,6 +13,7 @@ from ibfctl.runs.leg import Leg
 from ibfctl.runs.motion import execute_leg
 from ibfctl.runs.outcome import RunOutcome, RunProgress
 from ibfctl.runs.preflight import check_clock, check_program
+from ibfctl.runs.pulse import Pulse
 from ibfctl.runs.requests import Requests
 from ibfctl.runs.rig import Rig
 from ibfctl.runs.sentinel import Sentinel
@@ -63,7 +64,7 @@ def execute(
     check_program(program, machine)
     started = time.monotonic()
     requests = Requests(abort)
-    with Sentinel(controller, requests) as sentinel:
+    with Sentinel(controller, requests) as sentinel, Pulse(controller):
         rig = Rig(machine, controller, requests, sentinel, time_scale, poll_interval_s)
         period_s = _greet(rig)
         outcome = execute_leg(Leg(program), rig, on_progress=on_progress)

@@ -119,9 +119,9 @@ def run_with_a_pause(
 
 @pytest.mark.parametrize(
     ("when", "faults", "speed", "patience_s"),
-    [  # not so patient that all is sent at once
-        (When.SAFE_POINT, (), SPEED, 0.5),
-        (When.NOW, (), SPEED, 0.5),
+    [  # slow enough that not all is sent at once
+        (When.SAFE_POINT, (), 4.0, 0.5),
+        (When.NOW, (), 4.0, 0.5),
         pytest.param(When.SAFE_POINT, ("delay seconds=0.2",), 2.0, 2.0, marks=pytest.mark.slow),
         pytest.param(When.NOW, ("delay seconds=0.2",), 2.0, 2.0, marks=pytest.mark.slow),
     ],

@@ -6,7 +6,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from support.fake_galil import FakeGalil
+from support.fake_galil import GATE, FakeGalil
 from support.programs import SAMPLE_S, connected, machine
 
 from ibfctl.machine.program import AxisProgram, PvtProgram
@@ -14,6 +14,8 @@ from ibfctl.runs.streamer import execute
 
 GOLDEN = Path(__file__).with_name("golden_transcript.txt")
 HANDLES = ("stream", "status", "gate", "abort")
+PULSE = "gbeat=TIME"
+"""Signs of life on the gate's handle come when they come."""
 
 
 def small_plan() -> PvtProgram:
@@ -24,7 +26,8 @@ def small_plan() -> PvtProgram:
 
 
 def transcript(log: list[tuple[int, str]]) -> str:
-    lines = [f"{HANDLES[handle]:6} {command.encode('unicode_escape').decode()}" for handle, command in log]
+    steady = [entry for entry in log if entry != (GATE, PULSE)]
+    lines = [f"{HANDLES[handle]:6} {command.encode('unicode_escape').decode()}" for handle, command in steady]
     return "".join(
         f"{line}\n" if len(list(same)) == 1 else f"{line}  (repeated)\n" for line, same in groupby(lines)
     )
@@ -36,4 +39,5 @@ def test_the_bytes_of_a_small_plan() -> None:
         with connected(bench) as controller:
             outcome = execute(small_plan(), bench, controller, time_scale=100)
     assert outcome.segments_executed == 4
+    assert (GATE, PULSE) in galil.log
     assert transcript(galil.log) == GOLDEN.read_text(encoding="ascii")
