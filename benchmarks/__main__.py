@@ -1,4 +1,4 @@
-"""`python -m benchmarks list`, `run NAME [--json]`, `all`, `report`."""
+"""`python -m benchmarks list`, `run NAME [--json]`, `all [NAME ...]`, `report`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from benchmarks import _harness as harness
@@ -20,9 +21,10 @@ def main() -> int:
     run = verbs.add_parser("run", help="run one benchmark")
     run.add_argument("name", choices=harness.names(), metavar="NAME")
     run.add_argument("--json", action="store_true", help="print one JSON object")
-    verbs.add_parser(
-        "all", help="run every benchmark in its own process, write benchmarks/out/ and the report"
+    every = verbs.add_parser(
+        "all", help="run every benchmark, or those named, in its own process, write benchmarks/out/ and the report"
     )
+    every.add_argument("names", nargs="*", metavar="NAME")
     verbs.add_parser("report", help="write the table of docs/results.md from benchmarks/out/")
     arguments = parser.parse_args()
     if arguments.verb == "list":
@@ -34,15 +36,18 @@ def main() -> int:
         print(json.dumps(result, indent=2) if arguments.json else _lines(result))
         return 1 if result["passed"] is False else 0
     if arguments.verb == "all":
-        return _run_all()
+        unknown = set(arguments.names) - set(harness.names())
+        if unknown:
+            parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; see `list`")
+        return _run_all(arguments.names or harness.names())
     report.write_report()
     return 0
 
 
-def _run_all() -> int:
-    """Run every benchmark in a process of its own, so that none inherits another's memory or caches."""
+def _run_all(names: Sequence[str]) -> int:
+    """Run each benchmark in a process of its own, so that none inherits another's memory or caches."""
     failed = []
-    for name in harness.names():
+    for name in names:
         child = subprocess.run(
             [sys.executable, "-m", "benchmarks", "run", name, "--json"],
             stdout=subprocess.PIPE,
