@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 
 from ibfctl import __version__
 from ibfctl.service import problems
@@ -15,6 +15,7 @@ from ibfctl.service.conditional import Conditional
 from ibfctl.service.description import describe
 from ibfctl.service.keys import KeyRing
 from ibfctl.service.metrics import Measured, Requests
+from ibfctl.service.requests import refuse_unknown_query
 from ibfctl.service.routers import events, influences, info, machine, machines, maps, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
@@ -40,6 +41,7 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
+        dependencies=[Depends(refuse_unknown_query)],
     )
     problems.install(app)
     app.add_middleware(Conditional)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import Header, Path, Query
+from fastapi import Header, Path, Query, Request
 from fastapi.responses import FileResponse
 
 from ibfctl.service.children import TASKS, Child
@@ -42,6 +42,18 @@ def refusals(*statuses: int, also: tuple[int, ...] = (401, 403, 422)) -> dict[in
     """Describe the problems that an operation may answer, for its documentation; `also` those of nearly all."""
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {status: {"description": _MEANINGS[status], "content": content} for status in (*also, *statuses)}
+
+
+async def refuse_unknown_query(request: Request) -> None:
+    """Refuse a name in the query that the operation does not know: a slip would otherwise be a default."""
+    paths, place = request.app.openapi()["paths"], request.scope["route"].path
+    operations = paths.get(f"/v1{place}") or paths.get(place, {})
+    described = operations.get(request.method.lower(), {})
+    known = {parameter["name"] for parameter in described.get("parameters", ()) if parameter["in"] == "query"}
+    unknown = sorted(set(request.query_params) - known)
+    if unknown:
+        hint = f"it knows {', '.join(sorted(known)) or 'none'}"
+        raise ServiceError(422, f"query: {', '.join(unknown)[:200]} is not known here", hint, "bad_request")
 
 
 def page(collection: Collection, limit: int, after: str | None, show: Callable[[Record], Record]) -> dict[str, Any]:
