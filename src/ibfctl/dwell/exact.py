@@ -124,7 +124,7 @@ def _next_price(prices: list[float], distances: list[float]) -> float:
     above = int(np.searchsorted(distance > 0, True))
     if log_price.size == 1 or above in {0, log_price.size}:
         edge = log_price[0] if above == 0 else log_price[-1]
-        stride = min(1.5 * 1.5 ** (log_price.size - 1), _LONGEST_STRIDE)
+        stride = min(1.5 * 1.3 ** max(log_price.size - 3, 0), _LONGEST_STRIDE)
         return float(np.exp(edge + (-stride if above == 0 else stride)))
     low, high = above - 1, above
     share = -distance[low] / (distance[high] - distance[low])
