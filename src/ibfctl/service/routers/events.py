@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query
+from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
@@ -42,7 +43,7 @@ async def stream_events(
     run: Annotated[str | None, Query(description="Only what concerns this run.")] = None,
     after: _Place = None,
     last_event_id: Annotated[
-        int | SkipJsonSchema[None], Header(ge=0, description="Replay the journal after this event.")
+        Annotated[int, Field(ge=0)] | SkipJsonSchema[None], Header(description="Replay the journal after this event.")
     ] = None,
     follow: Annotated[
         Literal["true", "false"], Query(description="Go on with what comes; false: end with what is there.")
