@@ -62,6 +62,7 @@ def test_requests_that_do_not_fit_name_the_place(client: httpx.Client) -> None:
     assert "exclude each other" in _problem(client.post("/v1/plans", json=aims), 422, "bad_request")["detail"]
     _problem(client.post("/v1/influences"), 422, "refused")
     assert "lmit" in _problem(client.get("/v1/maps", params={"lmit": 3}), 422, "bad_request")["detail"]
+    _problem(client.get("/v1/maps?limit=1&limit=2"), 422, "bad_request")
     _problem(client.post("/v1/plans", content="{", headers={"Content-Type": "application/json"}), 422, "bad_request")
     refusal = client.delete("/v1/maps")
     _problem(refusal, 405, "method_not_allowed")

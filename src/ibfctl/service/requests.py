@@ -45,15 +45,18 @@ def refusals(*statuses: int, also: tuple[int, ...] = (401, 403, 422)) -> dict[in
 
 
 async def refuse_unknown_query(request: Request) -> None:
-    """Refuse a name in the query that the operation does not know: a slip would otherwise be a default."""
+    """Refuse a name in the query that the operation does not know, or that comes twice: a slip would be a default."""
     paths, place = request.app.openapi()["paths"], request.scope["route"].path
     operations = paths.get(f"/v1{place}") or paths.get(place, {})
     described = operations.get(request.method.lower(), {})
     known = {parameter["name"] for parameter in described.get("parameters", ()) if parameter["in"] == "query"}
-    unknown = sorted(set(request.query_params) - known)
-    if unknown:
-        hint = f"it knows {', '.join(sorted(known)) or 'none'}"
-        raise ServiceError(422, f"query: {', '.join(unknown)[:200]} is not known here", hint, "bad_request")
+    names = [name for name, _ in request.query_params.multi_items()]
+    wrong = sorted({name for name in names if name not in known or names.count(name) > 1})
+    if wrong:
+        hint = f"once each of {', '.join(sorted(known)) or 'none'}"
+        raise ServiceError(
+            422, f"query: {', '.join(wrong)[:200]} is not known here, or given twice", hint, "bad_request"
+        )
 
 
 def page(collection: Collection, limit: int, after: str | None, show: Callable[[Record], Record]) -> dict[str, Any]:
