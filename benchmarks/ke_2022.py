@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks._tools import EXPERIMENT, SIMULATION, slopes_s_mm
+from ibfctl.planning.options import Aim
 from ibfctl.planning.sequence import PlanSequence
 
 PIXEL_MM = {"simulation": 0.5, "experiment": 0.25}
@@ -13,10 +14,13 @@ PIXEL_MM = {"simulation": 0.5, "experiment": 0.25}
 def run() -> dict[str, Any]:
     """Plan both set-ups in every way; the paper's maps are not public, so only the order of its figures compares."""
     simulated, polished = SIMULATION.surface(PIXEL_MM["simulation"]), EXPERIMENT.surface(PIXEL_MM["experiment"])
+    sequential = SIMULATION.plan(simulated, "sto")
+    as_good = Aim(max_residual_nm=float(sequential.summary()["ideal_rms_nm"]))  # type: ignore[arg-type]
     planned = {
         "simulation_ours": SIMULATION.plan(simulated, "ours"),
+        "simulation_ours_as_good_as_sto": SIMULATION.plan(simulated, "ours", as_good),
         "simulation_mto": SIMULATION.plan(simulated, "mto"),
-        "simulation_sto": SIMULATION.plan(simulated, "sto"),
+        "simulation_sto": sequential,
         "experiment_ours": EXPERIMENT.plan(polished, "ours"),
         "experiment_ours_no_loop": EXPERIMENT.plan(polished, "ours", loop=False),
         "experiment_mto": EXPERIMENT.plan(polished, "mto"),
@@ -30,7 +34,8 @@ def run() -> dict[str, Any]:
         "metrics": metrics,
         "targets": {
             "simulation_mto_time_min": {"max": metrics["simulation_sto_time_min"]},
-            "simulation_ours_time_min": {"max": metrics["simulation_mto_time_min"]},
+            "simulation_ours_as_good_as_sto_time_min": {"max": metrics["simulation_mto_time_min"]},
+            "simulation_ours_as_good_as_sto_executed_rms_nm": {"max": metrics["simulation_sto_ideal_rms_nm"]},
             "simulation_ours_executed_rms_nm": {"max": metrics["simulation_sto_ideal_rms_nm"]},
             "experiment_mto_unlimited_ideal_rms_nm": {"max": metrics["experiment_mto_ideal_rms_nm"]},
             "experiment_ours_executed_rms_nm": {"max": metrics["experiment_ours_no_loop_executed_rms_nm"]},
