@@ -157,10 +157,22 @@ def test_a_port_in_use(small_job: SmallJob, refused: Refused) -> None:
     assert f"port {port}" in said
 
 
-def test_an_abort_that_reaches_nobody(refused: Refused) -> None:
+def test_an_abort_that_reaches_nobody(small_job: SmallJob, refused: Refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    assert f"127.0.0.1:{port}" in refused(["abort", "--port", str(port)], CONTROLLER)
+    abort = ["abort", "--data", str(small_job.folder / "data"), "--url"]
+    assert f"127.0.0.1:{port}" in refused([*abort, f"http://127.0.0.1:{port}"], CONTROLLER)
+    assert "no address" in refused([*abort, "http://127.0.0.1:99999"], CONTROLLER)
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:x", "http://[::1"])
+def test_an_address_that_is_none(refused: Refused, url: str) -> None:
+    assert url in refused(["runs", "list", "--url", url], 9)
+
+
+def test_a_key_that_is_none(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IBFCTL_KEY", "ibf_ä")
+    assert "the key" in refused(["runs", "list", "--url", "http://127.0.0.1:1"], BAD_INPUT)
 
 
 def test_an_address_that_others_can_reach(refused: Refused) -> None:

@@ -59,12 +59,13 @@ def _tell_service(url: str) -> set[str]:
     import json
     from urllib.parse import urlsplit
 
-    parts = urlsplit(url)
     kinds = {"http": http.client.HTTPConnection, "https": http.client.HTTPSConnection}
-    if parts.scheme not in kinds or not parts.hostname:
-        raise ControllerError(f"abort: {url!r} is no address of a service", "give --url http://HOST:PORT")
+    try:
+        parts = urlsplit(url)
+        service = kinds[parts.scheme](parts.hostname or "", parts.port, timeout=_TIMEOUT_S)
+    except (ValueError, KeyError, http.client.InvalidURL) as error:
+        raise ControllerError(f"{url!r} is no address of a service", _MACHINES_OWN) from error
     key = os.environ.get("IBFCTL_KEY")
-    service = kinds[parts.scheme](parts.hostname, parts.port, timeout=_TIMEOUT_S)
     try:
         service.request("POST", "/v1/abort", headers={"Authorization": f"Bearer {key}"} if key else {})
         answer = service.getresponse()
@@ -72,7 +73,7 @@ def _tell_service(url: str) -> set[str]:
         if answer.status >= http.client.BAD_REQUEST:
             raise ControllerError(f"the service at {url} refused ({answer.status} {answer.reason})", _MACHINES_OWN)
         return set(json.loads(content)["runs"])
-    except (OSError, http.client.HTTPException, ValueError, KeyError) as error:
+    except (OSError, http.client.HTTPException, ValueError, KeyError, TypeError) as error:
         raise ControllerError(f"no service answers at {url} ({error})", _MACHINES_OWN) from error
     finally:
         service.close()

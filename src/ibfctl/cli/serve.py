@@ -35,11 +35,11 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 def command(config: Path | None, **options: Any) -> None:
     """Serve maps, plans and runs over REST: to this computer alone, or by keys."""
     from ibfctl.service.config import read_config
+    from ibfctl.service.sole import sole_service
 
     told = read_config(config, {name: value for name, value in options.items() if value is not None})
     settings = told.settings()
-    listener = _listen(told.host, told.port, has_keys=_has_keys(settings.data))
-    try:
+    with _listen(told.host, told.port, has_keys=_has_keys(settings.data)) as listener, sole_service(settings.data):
         from ibfctl.machine.description import read_machine
         from ibfctl.service.app import create_app
         from ibfctl.service.server import Server
@@ -50,8 +50,6 @@ def command(config: Path | None, **options: Any) -> None:
         click.echo(f"serving on {scheme}://{shown}:{bound}, data in {settings.data}", err=True)
         tls = [None if path is None else str(path) for path in (told.tls_certificate, told.tls_key)]
         Server(create_app(settings), *tls).run(sockets=[listener])
-    finally:
-        listener.close()
 
 
 def _has_keys(data: Path) -> bool:

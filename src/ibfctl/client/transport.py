@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import httpx
 
 from ibfctl.client.records import Event
-from ibfctl.errors import IbfctlError
+from ibfctl.errors import IbfctlError, InputError
 from ibfctl.files import atomic_path
 
 _PATIENCE_S = 60.0
@@ -42,9 +42,14 @@ class Transport:
     """One connection pool to one service."""
 
     def __init__(self, url: str, key: str | None, timeout_s: float) -> None:
+        if key is not None and not (key.isascii() and key.isprintable()):
+            raise InputError("the key holds what no key holds", "copy it again from where `ibfctl keys add` printed it")
         headers = {} if key is None else {"Authorization": f"Bearer {key}"}
-        self._http = httpx.Client(base_url=url, headers=headers, timeout=timeout_s)
         self._url = url
+        try:
+            self._http = httpx.Client(base_url=url, headers=headers, timeout=timeout_s)
+        except httpx.InvalidURL as error:
+            raise self._unreachable(error) from error
 
     def close(self) -> None:
         """Close all connections."""
@@ -63,7 +68,10 @@ class Transport:
         except (httpx.TransportError, httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
             raise self._unreachable(error) from error
         _check(answer)
-        return answer.json() if answer.content else None
+        try:
+            return answer.json() if answer.content else None
+        except ValueError as error:
+            raise self._unreachable(error) from error
 
     def upload(self, place: str, path: Path, params: Mapping[str, Any]) -> Any:
         """Send a file as the body, piece by piece."""
@@ -118,7 +126,7 @@ def _check(answer: httpx.Response) -> None:
     try:
         told = answer.json()
         raise RefusedError(answer.status_code, told["code"], told["detail"], told["hint"])
-    except (ValueError, KeyError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         detail = f"{answer.request.url}: answered {answer.status_code} {answer.reason_phrase}"
         raise RefusedError(answer.status_code, "refused", detail, "is this an ibfctl service?") from error
 

@@ -8,6 +8,7 @@ JOB, PLAN, MACHINE = "job.json", "plan.h5", "machine.toml"
 CONTROL, LOCK, STATUS, LOG = "control", "worker.lock", "status.json", "worker.log"
 EMULATOR, EMULATOR_LOCK, EMULATOR_LOG = "emulator.json", "emulator.lock", "emulator.log"
 RUN, SIDE = "run.h5", "journal.side.jsonl"
+SERVICE_LOCK = "service.lock"
 
 
 def run_folder(data: Path, run: str) -> Path:
