@@ -15,7 +15,7 @@ test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -m slow
 
 soak: $(VENV)/.test
-	$(BIN)/python -m pytest -m soak
+	$(BIN)/python -m benchmarks all soak
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check

@@ -39,7 +39,7 @@ def main() -> int:
         unknown = set(arguments.names) - set(harness.names())
         if unknown:
             parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; see `list`")
-        return _run_all(arguments.names or harness.names())
+        return _run_all(arguments.names or [name for name in harness.names() if name not in harness.ALONE])
     report.write_report()
     return 0
 

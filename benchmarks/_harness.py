@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).parent
+ALONE = ("soak",)
+"""Those that `all` leaves out, because the Makefile has a target for each."""
 
 
 class Absent(Exception):  # noqa: N818 - an outcome, not an error

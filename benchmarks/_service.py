@@ -11,7 +11,9 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Self
 
+import httpx
 import numpy as np
 
 from ibfctl.client import Client
@@ -151,3 +153,40 @@ def percentiles_ms(seconds: list[float]) -> dict[str, float]:
         "p99_ms": float(np.percentile(values, 99)),
         "worst_ms": float(values.max()),
     }
+
+
+class Listeners:
+    """Read all events of a service on many connections, in a thread each."""
+
+    def __init__(self, url: str, number: int) -> None:
+        self._url = url
+        self._ended = threading.Event()
+        self._counts = [0] * number
+        self._threads = [threading.Thread(target=self._listen, args=(place,)) for place in range(number)]
+
+    @property
+    def samples(self) -> int:
+        """Telemetry heard by all together."""
+        return sum(self._counts)
+
+    @property
+    def listening(self) -> int:
+        """How many of them still listen."""
+        return sum(thread.is_alive() for thread in self._threads)
+
+    def __enter__(self) -> Self:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _listen(self, place: int) -> None:
+        with httpx.stream("GET", f"{self._url}/v1/events", timeout=30) as stream:
+            for chunk in stream.iter_bytes():
+                self._counts[place] += chunk.count(b"event: telemetry")
+                if self._ended.is_set():
+                    return

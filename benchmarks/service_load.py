@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks._service import keep_solving, moving_run, plan_of_hours, service
+from benchmarks._service import Listeners, keep_solving, moving_run, plan_of_hours, service
 from ibfctl.client import Client
 
 LISTENERS = 50
@@ -28,7 +27,7 @@ def run() -> dict[str, Any]:
             plan = plan_of_hours(client, folder)
             alone = _watched(client, plan)
             solving = keep_solving(client, folder)
-            with _Listeners(client.url) as listeners:
+            with Listeners(client.url, LISTENERS) as listeners:
                 loaded = _watched(client, plan)
                 samples = listeners.samples
             still = client.plans.cancel(solving)["state"]
@@ -73,35 +72,3 @@ def _watched(client: Client, plan: str) -> dict[str, Any]:
         "margin_s": record["status"]["minimum_margin_s"],
         "ended": record["state"] != "running",
     }
-
-
-class _Listeners:
-    """Read all events on many connections, in a thread each."""
-
-    def __init__(self, url: str) -> None:
-        self._url = url
-        self._ended = threading.Event()
-        self._counts = [0] * LISTENERS
-        self._threads = [threading.Thread(target=self._listen, args=(number,)) for number in range(LISTENERS)]
-
-    @property
-    def samples(self) -> int:
-        """Telemetry heard by all together."""
-        return sum(self._counts)
-
-    def __enter__(self) -> _Listeners:
-        for thread in self._threads:
-            thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        for thread in self._threads:
-            thread.join()
-
-    def _listen(self, number: int) -> None:
-        with httpx.stream("GET", f"{self._url}/v1/events", timeout=30) as stream:
-            for chunk in stream.iter_bytes():
-                self._counts[number] += chunk.count(b"event: telemetry")
-                if self._ended.is_set():
-                    return

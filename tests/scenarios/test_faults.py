@@ -160,6 +160,32 @@ def test_unmarked_text_that_nobody_asked_for_ends_the_run() -> None:
         assert_gate_closed_before_stop(galil)
 
 
+@pytest.mark.parametrize("handle", [STREAM, STATUS])
+def test_unmarked_text_inside_a_reply_ends_the_run(handle: int) -> None:
+    def shout(galil: FakeGalil, number: int, command: str) -> bytes | None:
+        if number != handle or not in_full_swing(galil):
+            return None
+        answer = galil.answer(command)
+        return answer[:2] + b" LIMIT SWITCH A\r\n" + answer[2:]
+
+    with a_run_with(shout) as (galil, run):
+        with pytest.raises(RunError, match="LIMIT SWITCH A"):
+            run()
+        assert_gate_closed_before_stop(galil)
+
+
+def test_a_controller_that_says_done_before_the_motion_has_ended_is_not_believed() -> None:
+    def done(galil: FakeGalil, number: int, command: str) -> bytes | None:
+        if in_full_swing(galil):
+            galil.stop_code.update(A=31, B=31)
+        return None
+
+    with a_run_with(done) as (galil, run):
+        with pytest.raises(RunError, match=rf"run ended after \d+ of {SEGMENTS} segments: axis A stopped with code 31"):
+            run()
+        assert_gate_closed_before_stop(galil)
+
+
 def test_marked_text_is_no_fault() -> None:
     marked = bytes(byte | 0x80 for byte in b"hello? yes: 1\r\n")
 
