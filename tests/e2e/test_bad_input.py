@@ -170,6 +170,22 @@ def test_an_address_that_is_none(refused: Refused, url: str) -> None:
     assert url in refused(["runs", "list", "--url", url], 9)
 
 
+def test_an_output_does_not_replace_what_is_read(small_job: SmallJob, refused: Refused) -> None:
+    before = small_job.map.read_bytes()
+    assert "what is read" in refused(["plan", *_plan(small_job)[1:-1], str(small_job.map)], BAD_INPUT)
+    assert small_job.map.read_bytes() == before
+
+
+def test_a_device_is_not_replaced(small_job: SmallJob, refused: Refused) -> None:
+    assert "/dev/null" in refused(["plan", *_plan(small_job)[1:-1], "/dev/null"], BAD_INPUT)
+    assert Path("/dev/null").is_char_device()
+
+
+@pytest.mark.parametrize("place", [[], ["--x-mm", "nan"]])
+def test_a_move_to_nowhere(refused: Refused, place: list[str]) -> None:
+    refused(["machine", "move", *place, "--url", "http://127.0.0.1:1"], BAD_INPUT)
+
+
 def test_a_key_that_is_none(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IBFCTL_KEY", "ibf_ä")
     assert "the key" in refused(["runs", "list", "--url", "http://127.0.0.1:1"], BAD_INPUT)

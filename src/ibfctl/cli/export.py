@@ -43,7 +43,7 @@ def command(source: Path, form: str | None, output: Path | None, map_file: Path 
 
 
 def _write_program(source: Path, form: str, output: Path) -> None:
-    check_writable(output)
+    check_writable(output, source)
     from ibfctl.planning.file import read_plan
     from ibfctl.report.exchange import write_exchange
 
@@ -51,7 +51,7 @@ def _write_program(source: Path, form: str, output: Path) -> None:
 
 
 def _write_map(source: Path, quantity: Literal["residual", "removal"], output: Path) -> None:
-    check_writable(output)
+    check_writable(output, source)
     from ibfctl.jobs.written_maps import written_map
     from ibfctl.surface.writers import write_map
 

@@ -48,6 +48,8 @@ def home(client: Client, as_json: bool) -> None:
 @with_client
 def move(client: Client, x_mm: float | None, y_mm: float | None, as_json: bool) -> None:
     """Move to a place at the approach speed of the machine file."""
+    if x_mm is None and y_mm is None:
+        raise click.UsageError("Give --x-mm, --y-mm or both.")
     _end(client.machine.move(x_mm, y_mm), as_json)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import click
 
 from ibfctl.errors import InputError
+from ibfctl.files import check_replaceable
 
 
 def print_json(figures: Mapping[str, Any]) -> None:
@@ -34,12 +36,13 @@ def print_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> No
             click.echo("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
 
 
-def check_writable(path: Path) -> None:
-    """Refuse an output path before the work begins, not after."""
-    if path.is_dir():
-        raise InputError(f"output {path}: is a folder", "give the name of a file")
+def check_writable(path: Path, *inputs: Path | str | None) -> None:
+    """Refuse an output path before the work begins, not after; none may take the place of what is read."""
+    check_replaceable(path)
     if not path.absolute().parent.is_dir():
         raise InputError(f"output {path}: its folder does not exist", "make the folder first, or give another path")
+    if path.exists() and os.path.realpath(path) in {os.path.realpath(given) for given in inputs if given is not None}:
+        raise InputError(f"output {path}: would take the place of what is read", "give another path")
 
 
 def _finite(value: Any) -> Any:

@@ -111,7 +111,7 @@ def command(
         raise click.UsageError("Give either TIF or --tool.")
     if tools and (trade_off or tikhonov == _L_CURVE):
         raise click.UsageError("--trade-off and --tikhonov l-curve are for one TIF, not for --tool.")
-    check_writable(output)
+    check_writable(output, surface_map, influence, machine, path, *(tool.influence for tool in tools))
     from ibfctl.jobs.inputs import InfluenceFile, MapFile
     from ibfctl.jobs.plan_files import plan_files
     from ibfctl.jobs.tool_files import plan_tool_files

@@ -18,7 +18,7 @@ from ibfctl.cli.words import plan_lines
 @json_option
 def command(run_file: Path, output: Path, as_json: bool) -> None:
     """Plan the rest of an interrupted run: from RUN.h5 to a plan from where it ended, for what its map still shows."""
-    check_writable(output)
+    check_writable(output, run_file)
     from ibfctl.jobs.replan_file import replan_file
     from ibfctl.surface.levelling import rms
 

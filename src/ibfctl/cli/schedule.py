@@ -23,7 +23,7 @@ def command(timed_nodes: Path, machine: Path, corridor_mm: float | None, output:
     TIMED_NODES.csv has the columns x_mm,y_mm,dwell_s: the dwell of the segment that ends at the node, 0 in
     the first row.
     """
-    check_writable(output)
+    check_writable(output, timed_nodes, machine)
     from ibfctl.jobs.plan_files import schedule_file
 
     plan = schedule_file(timed_nodes, machine, corridor_mm, output)

@@ -28,7 +28,7 @@ def command(plan_file: Path, speed: float, output: Path, yes: bool, as_json: boo
 
     The tools of a plan of several run one after the other, each when its change is confirmed.
     """
-    check_writable(output)
+    check_writable(output, plan_file)
     from ibfctl.jobs.plan_files import hashed
     from ibfctl.jobs.rehearsal import Rehearsal, rehearse
     from ibfctl.jobs.tools_rehearsal import ToolsRehearsal, rehearse_tools

@@ -35,7 +35,7 @@ def command(
 
     Piston and tilt of the surroundings are taken out of the difference; where nothing was removed must be seen.
     """
-    check_writable(output)
+    check_writable(output, before, after)
     from ibfctl.files import save_npz
     from ibfctl.jobs.inputs import MapFile
     from ibfctl.surface.footprint import footprint

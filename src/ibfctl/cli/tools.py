@@ -88,7 +88,7 @@ def split(plan_file: Path) -> None:
 @json_option
 def replan(plan_file: Path, runs: tuple[Path, ...], done: int | None, output: Path, as_json: bool) -> None:
     """Plan the later tools of PLAN.h5 anew, from what the runs of the earlier ones have really removed."""
-    check_writable(output)
+    check_writable(output, plan_file, *runs)
     from ibfctl.jobs.tool_runs import replan_tools_file
 
     figures = replan_tools_file(plan_file, runs, output, done).summary()

@@ -67,6 +67,8 @@ class Transport:
             answer = self._http.request(method, place, **options)
         except (httpx.TransportError, httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
             raise self._unreachable(error) from error
+        except ValueError as error:  # JSON has neither NaN nor infinity
+            raise InputError(f"{place}: cannot be asked for ({error})", "give finite numbers") from error
         _check(answer)
         try:
             return answer.json() if answer.content else None

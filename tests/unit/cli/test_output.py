@@ -13,7 +13,7 @@ def test_values_that_json_does_not_know_become_null(capsys: pytest.CaptureFixtur
 
 
 def test_an_output_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is a folder"):
+    with pytest.raises(InputError, match="is no file but a folder"):
         check_writable(tmp_path)
     with pytest.raises(InputError, match="does not exist"):
         check_writable(tmp_path / "absent" / "plan.h5")
