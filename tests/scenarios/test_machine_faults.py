@@ -43,14 +43,15 @@ def gate_is_open(server: EmulatorServer) -> bool:
 
 
 STOPPED = "stopped with code|guard on the controller"
+TRIPPED = "stopped with code [238] |a limit, a position error"
 
 
 @pytest.mark.parametrize(
     ("fault", "match"),
     [
-        ("limit axis=A side=forward", STOPPED),
-        ("limit axis=B side=reverse", STOPPED),
-        ("position-error axis=A counts=50000", STOPPED),
+        ("limit axis=A side=forward", TRIPPED),
+        ("limit axis=B side=reverse", TRIPPED),
+        ("position-error axis=A counts=50000", TRIPPED),
         ("abort-input", STOPPED),
         ("e-stop", STOPPED),
         ("skew axis=B", "no longer execute the same segment|made up|executed"),

@@ -141,11 +141,11 @@ class Guard:
         """Say why the guard has stopped the axes."""
         question = message_of(["gdry", "gold", "gtrip"])
         dry, old, trip = parse_integers(self._link.ask(question), 3, question)
-        if dry:
-            return "the buffer was about to run empty"
+        if trip:  # it has emptied the buffer, so that comes after
+            return "a limit, a position error or a lost handle"
         if old:
             return "the host was silent for too long"
-        return "a limit, a position error or a lost handle" if trip else "an axis stopped, or the guard was halted"
+        return "the buffer was about to run empty" if dry else "an axis stopped, or the guard was halted"
 
     def low_water_samples(self) -> int:
         """Least motion that must wait in the buffer, until the end marker does."""
