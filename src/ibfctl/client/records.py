@@ -14,6 +14,7 @@ RunState = Literal[
     "paused",
     "resuming",
     "finishing",
+    "tool_change",
     "completed",
     "stopped",
     "aborted",

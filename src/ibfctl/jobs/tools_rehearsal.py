@@ -7,26 +7,21 @@ what the earlier tools have removed is not what was predicted, the later ones ar
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from ibfctl.errors import InputError
 from ibfctl.jobs.rehearsal import Rehearsal, Report, rehearse
 from ibfctl.jobs.tool_runs import beside
+from ibfctl.planning.advance import Advance
 from ibfctl.planning.as_run import AsRun, as_run_together
 from ibfctl.planning.file import write_sequence
 from ibfctl.planning.plan import InputFile, Plan
 from ibfctl.planning.sequence import PlanSequence
-from ibfctl.planning.several import replan_later
 from ibfctl.runs.run_file import write_tools_run
 
 Confirm = Callable[[int, Plan], None]
-
-# Difference between removed and predicted, as a share of the predicted residual, that the later tools must not inherit.
-TOLERATED = 0.1
 
 
 @dataclass(frozen=True)
@@ -103,31 +98,23 @@ def rehearse_tools(
         If a run does not end as planned; the files of the tools before it are there.
     """
     runs: list[ToolRun] = []
-    plans, replanned = list(sequence.plans), None
-    predicted_nm = removed_nm = np.zeros(sequence.surface.height_nm.shape)
-    aperture = sequence.prediction.clear_aperture
-    for index in range(len(plans)):
-        number, plan = index + 1, plans[index]
-        if index:
+    advance, replanned = Advance.none(sequence), None
+    for number in range(1, len(sequence.plans) + 1):
+        plan = advance.sequence.plans[number - 1]
+        if number > 1:
             confirm(number, plan)
         file = beside(output, f".tool{number}")
         rehearsal = rehearse(plan, file, plan_file=plan_file, speed=speed, on_progress=on_progress)
-        if rehearsal.as_run is None or plan.prediction is None:
+        if rehearsal.as_run is None:
             raise InputError("rehearsal: a plan of several tools holds no map", "make it with `ibfctl plan --tool`")
         runs.append(ToolRun(file, rehearsal, replanned))
-        removed_nm = removed_nm + rehearsal.as_run.removal_nm
-        predicted_nm = predicted_nm + plan.prediction.executed_removal_nm
-        last = plans[-1].prediction
-        if number < len(plans) and last is not None:
-            missed_nm = (removed_nm - predicted_nm)[aperture]
-            left_nm = last.executed_residual_nm[aperture]
-            if np.sqrt(np.mean(missed_nm**2)) > TOLERATED * np.sqrt(np.mean(left_nm**2)):
-                on_progress("planning the later tools anew", 0.0)
-                anew = replan_later(replace(sequence, plans=tuple(plans)), number, removed_nm)
-                plans[number:] = anew.plans
-                predicted_nm, replanned = removed_nm, beside(output, f".tool{number + 1}.plan")
-                write_sequence(anew, replanned)
-    as_run = as_run_together(sequence, removed_nm)
+        advance = advance.by(rehearsal.as_run.removal_nm)
+        if advance.missed:
+            on_progress("planning the later tools anew", 0.0)
+            anew, replanned = advance.replanned(), beside(output, f".tool{number + 1}.plan")
+            write_sequence(anew, replanned)
+            advance = advance.following(anew.plans)
+    as_run = as_run_together(sequence, advance.removed_nm)
     tools = [{"run": run.file.name, "replanned": run.replanned.name if run.replanned else None} for run in runs]
     write_tools_run(output, sequence, plan_file, tools, as_run)
     return ToolsRehearsal(runs, as_run)

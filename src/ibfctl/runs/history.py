@@ -38,7 +38,7 @@ class LegRecord:
 
 @dataclass
 class History:
-    """All legs of a run, and what is known of their outcome.
+    """All legs of a run, of its last tool where there are several, and what is known of their outcome.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class History:
     places
         Where the tool was seen: samples of the plan, x and y in mm.
     known_begins
-        Stamps of the begin of motions of which everything is known.
+        Stamps of the begin of motions of which everything is known, of earlier tools too.
     """
 
     executed: list[Interval] = field(default_factory=list)
@@ -92,6 +92,10 @@ def _add(found: History, event: Event) -> None:
                 _end(found, interval, data["uncertainty_samples"], data.get("begun_samples"))
             if found.last_leg is not None:
                 found.last_leg.ended, found.last_leg.begun_samples = True, data["begun_samples"] or 0
+        case "tool":  # another plan
+            found.executed.clear()
+            found.places.clear()
+            found.uncertainty_samples, found.last_leg = 0, None
         case "progress":
             found.places += [(place[0], place[1], place[2]) for place in data.get("places", ())]
 

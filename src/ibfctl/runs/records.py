@@ -2,58 +2,64 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ibfctl.planning.as_run import AsRun, as_run_figures
-from ibfctl.planning.file import read_plan
-from ibfctl.planning.plan import InputFile, Plan
+from ibfctl.planning.plan import Plan
 from ibfctl.planning.restart import places
 from ibfctl.runs.history import History, history
 from ibfctl.runs.job import Job, read_job
 from ibfctl.runs.journal import Journal
-from ibfctl.runs.places import PLAN, RUN, journal_beside
+from ibfctl.runs.places import journal_beside
 from ibfctl.runs.result import RunResult
-from ibfctl.runs.run_file import RunRecord, write_run
+from ibfctl.runs.run_file import RunRecord, read_as_run, write_run
 from ibfctl.runs.states import RunState
+from ibfctl.runs.tools import Part, part_under_way, plan_input, record_together
 from ibfctl.runs.trace import RunTrace
 
 
 def record_run(folder: Path) -> AsRun | None:
-    """Write `run.h5` of the run in `folder` from its journal; return what it has removed.
+    """Write `run.h5` of the run in `folder` from its journal; return what it, or its last tool, has removed.
+
+    Of a tool that its worker has seen the end of, the file is there already and says more.
 
     Raises
     ------
     InputError
         If the file cannot be written, or plan, job or journal cannot be read.
     """
-    plan, job = read_plan(folder / PLAN), read_job(folder)
+    part, job = part_under_way(folder), read_job(folder)
     with Journal.open(journal_beside(folder)) as journal:
         known = history(journal, folder.name)
         event = journal.last(folder.name, "state")
+    if not part.is_last and known.seam >= part.total_samples and part.file(folder).is_file():
+        record_together(folder, part)
+        return read_as_run(part.file(folder))
     told = event.data if event is not None else {}
     record = RunRecord(
         job.machine(folder),
         tuple(known.executed),
         known.uncertainty_samples,
-        trace_of_history(plan, known),
+        trace_of_history(part.plan, known),
         state=told.get("state", RunState.QUEUED),
         reason=told.get("reason") or "",
         run=job.run,
         operator=job.operator,
         simulated=job.simulated,
     )
-    return _write(folder, plan, record)
+    return _write(folder, part, record)
 
 
-def record_result(folder: Path, plan: Plan, job: Job, result: RunResult, before: History) -> AsRun | None:
-    """Write `run.h5` of a run that its worker has seen the end of; return what it has removed.
+def record_result(folder: Path, part: Part, job: Job, result: RunResult, before: History) -> AsRun | None:
+    """Write the run file of a run, or of a tool, that its worker has seen the end of; return what it has removed.
 
     Parameters
     ----------
+    part
+        What was run.
     result
         What the worker has done.
     before
@@ -63,7 +69,7 @@ def record_result(folder: Path, plan: Plan, job: Job, result: RunResult, before:
         job.machine(folder),
         (*before.executed, *result.executed_plan_samples),
         result.uncertainty_samples,
-        _joined(trace_of_history(plan, before), result.trace),
+        _joined(trace_of_history(part.plan, before), result.trace),
         result.outcome() if result.state is RunState.COMPLETED else None,
         result.state,
         result.error.message if result.error is not None else "",
@@ -71,14 +77,14 @@ def record_result(folder: Path, plan: Plan, job: Job, result: RunResult, before:
         job.operator,
         job.simulated,
     )
-    return _write(folder, plan, record)
+    return _write(folder, part, record)
 
 
-def _write(folder: Path, plan: Plan, record: RunRecord) -> AsRun | None:
-    as_run = as_run_of(plan, record.trace)
-    with (folder / PLAN).open("rb") as stream:
-        plan_file = InputFile(PLAN, hashlib.file_digest(stream, "sha256").hexdigest())
-    write_run(folder / RUN, plan, plan_file, record, as_run)
+def _write(folder: Path, part: Part, record: RunRecord) -> AsRun | None:
+    as_run = as_run_of(part.plan, record.trace)
+    write_run(part.file(folder), part.plan, plan_input(folder), record, as_run)
+    if len(part.plans) > 1:
+        record_together(folder, part)
     return as_run
 
 

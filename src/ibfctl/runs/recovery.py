@@ -16,8 +16,6 @@ from pathlib import Path
 from ibfctl.errors import ControllerError, RunError
 from ibfctl.machine.controller import MotionController, Stamps
 from ibfctl.machine.description import MachineDescription
-from ibfctl.planning.file import read_plan
-from ibfctl.planning.plan import Plan
 from ibfctl.runs import drivers, status
 from ibfctl.runs.adoption import last_state
 from ibfctl.runs.history import History, Interval, LegRecord, history
@@ -26,10 +24,11 @@ from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
 from ibfctl.runs.leg import Leg
 from ibfctl.runs.lock import MachineLock, take
-from ibfctl.runs.places import LOCK, PLAN, SIDE, journal_beside
+from ibfctl.runs.places import LOCK, SIDE, journal_beside
 from ibfctl.runs.recorder import absorb
 from ibfctl.runs.records import record_run
 from ibfctl.runs.states import RunState
+from ibfctl.runs.tools import Part, part_of, tool_under_way
 
 RESUMABLE_SAMPLES = 20
 """How uncertain a seam may be: the dose of so few samples is less than what a resume may cost."""
@@ -102,12 +101,13 @@ def recover(folder: Path, connect: Connect = drivers.connect) -> Recovered:
 def recover_own(folder: Path, connect: Connect = drivers.connect) -> Recovered:
     """Recover a run of which the caller holds the lock, as its worker does; all else as `recover`."""
     job = read_job(folder)
-    machine, plan = job.machine(folder), read_plan(folder / PLAN)
+    machine = job.machine(folder)
     with MachineLock(machine, f"recovery of run {folder.name}"), Journal.open(journal_beside(folder)) as journal:
         absorb(journal, folder / SIDE)
         controller = connect(machine)
         try:
-            found = _Case(folder, plan, machine, job, controller, journal).solve()
+            part = part_of(folder, tool_under_way(journal, folder.name))
+            found = _Case(folder, part, machine, job, controller, journal).solve()
         finally:
             controller.close()
         journal.append(folder.name, "recovered", asdict(found))
@@ -135,19 +135,20 @@ class _Case:
     def __init__(
         self,
         folder: Path,
-        plan: Plan,
+        part: Part,
         machine: MachineDescription,
         job: Job,
         controller: MotionController,
         journal: Journal,
     ) -> None:
         self._folder = folder
-        self._plan = plan
+        self._part = part
+        self._plan = part.plan
         self._machine = machine
         self._job = job
         self._controller = controller
         self._journal = journal
-        self._total = int(plan.program.time_samples.sum())
+        self._total = part.total_samples
 
     def solve(self) -> Recovered:
         """Make safe, ask, and conclude."""
@@ -224,9 +225,9 @@ class _Case:
         homed = self._controller.homed()
         if self._controller.latched():
             return "an emergency stop is latched on the controller", "make the machine safe, switch it off and on"
-        if seam >= self._total:
+        if seam >= self._total and self._part.is_last:
             return "the plan was executed to its end", "measure the part"
-        if not all(homed.values()):
+        if seam < self._total and not all(homed.values()):  # between two tools the machine is referenced anyway
             lost = ", ".join(sorted(letter for letter, known in homed.items() if not known))
             return (
                 f"axis {lost} is not homed since the controller has had power",

@@ -46,9 +46,10 @@ class RunReporter:
         ----------
         kind
             ``state`` (with ``state``, and ``reason`` and ``hint`` where there are any), ``progress`` (fields of the
-            status; recorded once a second, with all places of the tool since), ``act``, ``fault``, ``interlock``, or
-            ``leg``: before it begins, with ``first_plan_sample`` and ``open_at``, and when it is over, with ``end``,
-            ``open_plan_samples`` and ``uncertainty_samples`` as well.
+            status; recorded once a second, with all places of the tool since), ``act``, ``fault``, ``interlock``,
+            ``tool`` (what follows is of this one of several), or ``leg``: before it begins, with ``first_plan_sample``
+            and ``open_at``, and when it is over, with ``end``, ``open_plan_samples`` and ``uncertainty_samples`` as
+            well.
         data
             What happened.
         key

@@ -61,6 +61,10 @@ class Requests:
         """Say that what the run waits for by hand is done."""
         self._confirmed = True
 
+    def forget_confirmation(self) -> None:
+        """Wait for a new one: what was confirmed before was something else."""
+        self._confirmed = False
+
     def interlock(self, name: str, value: float) -> None:
         """Push the value of an interlock that has no input of the controller."""
         with self._lock:

@@ -72,21 +72,13 @@ class Sentinel:
 
     def error(self) -> RunError | None:
         """Return the error that the run must end with, if the sentinel has had to act."""
-        if self._requests.estop_wanted:
-            return EstoppedError(
-                "emergency stop on request; the beam gate is closed and the motors are off",
-                "it stays latched until the controller was switched off and on and homed",
-            )
-        if self._requests.abort.is_set():
-            return AbortedError("run aborted on request; the beam gate is closed", WHAT_IS_LEFT)
-        if self._requests.stop_wanted:
-            return StoppedError("run stopped on request; the beam gate is closed", WHAT_IS_LEFT)
-        if self._missed is not None:
+        wanted = wanted_end(self._requests)
+        if wanted is None and self._missed is not None:
             return RunError(
                 f"{self._missed}; the beam gate was closed first",
                 "ease the host's load or its network, then plan the part that is left",
             )
-        return None
+        return wanted
 
     def check(self) -> None:
         """Raise the error that the run must end with, if the sentinel has had to act."""
@@ -130,3 +122,17 @@ class Sentinel:
         except Exception as error:  # no run goes on without its sentinel
             self._missed = f"the sentinel failed: {error!r}"
             _log.exception("the sentinel failed")
+
+
+def wanted_end(requests: Requests) -> RunError | None:
+    """Return the error that a run must end with because somebody has asked for its end."""
+    if requests.estop_wanted:
+        return EstoppedError(
+            "emergency stop on request; the beam gate is closed and the motors are off",
+            "it stays latched until the controller was switched off and on and homed",
+        )
+    if requests.abort.is_set():
+        return AbortedError("run aborted on request; the beam gate is closed", WHAT_IS_LEFT)
+    if requests.stop_wanted:
+        return StoppedError("run stopped on request; the beam gate is closed", WHAT_IS_LEFT)
+    return None

@@ -12,7 +12,8 @@ class RunState(StrEnum):
     """Where a run is.
 
     `STOPPED`, `ABORTED` and `ESTOPPED` are three different ends: decelerated, at once, latched. `INTERRUPTED` says
-    that no worker lives any more and that nobody saw the end.
+    that no worker lives any more and that nobody saw the end. In `TOOL_CHANGE` the run waits for the next of its tools
+    and for a confirmation; the gate is closed, nothing moves, and the machine is free to be homed.
     """
 
     QUEUED = "queued"
@@ -24,6 +25,7 @@ class RunState(StrEnum):
     PAUSED = "paused"
     RESUMING = "resuming"
     FINISHING = "finishing"
+    TOOL_CHANGE = "tool_change"
     COMPLETED = "completed"
     STOPPED = "stopped"
     ABORTED = "aborted"
@@ -37,15 +39,17 @@ _ENDS = frozenset({_S.STOPPED, _S.ABORTED, _S.FAULTED, _S.INTERRUPTED, _S.ESTOPP
 
 TRANSITIONS: Mapping[RunState, frozenset[RunState]] = {
     _S.QUEUED: _ENDS | {_S.PREFLIGHT},
-    _S.PREFLIGHT: _ENDS | {_S.MOVING_TO_START},
+    # What the preflight of a later tool refuses can be put right: the run waits on.
+    _S.PREFLIGHT: _ENDS | {_S.MOVING_TO_START, _S.TOOL_CHANGE},
     _S.MOVING_TO_START: _ENDS | {_S.ARMED},
     _S.ARMED: _ENDS | {_S.RUNNING},
     # A pause that comes too late for a seam before the end lets the run finish.
     _S.RUNNING: _ENDS | {_S.PAUSING, _S.FINISHING},
     _S.PAUSING: _ENDS | {_S.PAUSED, _S.FINISHING},
     _S.PAUSED: _ENDS | {_S.RESUMING},
-    _S.RESUMING: _ENDS | {_S.RUNNING, _S.PAUSING},
-    _S.FINISHING: _ENDS | {_S.COMPLETED},
+    _S.RESUMING: _ENDS | {_S.RUNNING, _S.PAUSING, _S.TOOL_CHANGE},
+    _S.FINISHING: _ENDS | {_S.COMPLETED, _S.TOOL_CHANGE},
+    _S.TOOL_CHANGE: _ENDS | {_S.PREFLIGHT},
     _S.INTERRUPTED: frozenset({_S.RESUMING}),
     _S.COMPLETED: frozenset(),
     _S.STOPPED: frozenset(),

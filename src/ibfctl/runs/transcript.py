@@ -12,11 +12,11 @@ from typing import Any
 from ibfctl.errors import RunError
 from ibfctl.machine.description import MachineDescription
 from ibfctl.machine.program import PvtProgram
-from ibfctl.planning.file import read_plan
 from ibfctl.runs.job import read_job
 from ibfctl.runs.journal import Event, Journal
-from ibfctl.runs.places import PLAN, journal_beside
+from ibfctl.runs.places import journal_beside
 from ibfctl.runs.seam import ramp_down, run_in
+from ibfctl.runs.tools import part_of
 
 _BATCH = re.compile(r"segments (\d+) to (\d+), (\d+) lines, sha256 ([0-9a-f]{64})")
 _BATCHES_PER_RAMP = 16
@@ -30,12 +30,14 @@ def transcript(folder: Path) -> dict[str, bytes]:
     RunError
         If the plan does not give the bytes of which the journal holds the digest.
     """
-    plan, machine = read_plan(folder / PLAN), read_job(folder).machine(folder)
+    machine = read_job(folder).machine(folder)
     with Journal.open(journal_beside(folder)) as journal:
-        legs = journal.events(run=folder.name, kind="leg")
+        plans = part_of(folder, 1).plans
+        legs, tools = (journal.events(run=folder.name, kind=kind) for kind in ("leg", "tool"))
         exchanges = list(journal.wire(folder.name))
     begun = [event for event in legs if "first_plan_sample" in event.data and "end" not in event.data]
-    return replay(exchanges, [_Sent.of_leg(event, plan.program, machine) for event in begun])
+    of = [plans[sum(tool.id < event.id for tool in tools)].program for event in begun]
+    return replay(exchanges, [_Sent.of_leg(*leg, machine) for leg in zip(begun, of, strict=True)])
 
 
 def replay(exchanges: Iterable[Sequence[Any]], legs: Sequence[_Sent]) -> dict[str, bytes]:

@@ -149,6 +149,8 @@ class RunStatus(BaseModel):
     code: Annotated[str | None, Field(description="What ended it: `code` of its error.")] = None
     reason: str | None = None
     hint: str | None = None
+    tool: Annotated[int | None, Field(description="Which of several tools is under way, from one.")] = None
+    tools: Annotated[int | None, Field(description="How many there are.")] = None
     place: Place | None = None
     sent: Annotated[int | None, Field(description="Segments given to the controller.")] = None
     executed: Annotated[int | None, Field(description="Segments that it has executed.")] = None

@@ -1,0 +1,171 @@
+"""A run of two tools by its worker: in sequence, each when confirmed, recovered between the tools and inside them."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from support.small_job import small_height_nm
+
+from ibfctl.machine.description import read_machine
+from ibfctl.machine.shipped import shipped_machine
+from ibfctl.planning.file import write_sequence
+from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.sequence import PlanSequence
+from ibfctl.planning.several import plan_sequence
+from ibfctl.planning.tool import Tool
+from ibfctl.runs import control, status
+from ibfctl.runs.adoption import interrupt_orphans
+from ibfctl.runs.emulator import EmulatedController, emulated_controller
+from ibfctl.runs.job import Address, Job, prepare
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.launch import start_worker
+from ibfctl.runs.lock import MachineLock
+from ibfctl.runs.recovery import recover, resume
+from ibfctl.runs.run_file import read_as_run
+from ibfctl.runs.transcript import transcript
+from ibfctl.surface.influence import gaussian
+from ibfctl.surface.map import SurfaceMap
+
+SPEED = 100.0
+PATIENCE_S = 30.0
+MACHINE = read_machine(shipped_machine("simulator"))
+OVER = ("completed", "faulted", "aborted")
+TO_MOTION = ["preflight", "moving_to_start", "armed", "running"]
+FIRST = ["queued", *TO_MOTION, "finishing", "tool_change"]
+
+
+@pytest.fixture(scope="module")
+def sequence() -> PlanSequence:
+    tools = [
+        Tool(
+            gaussian(fwhm_mm, 12.0, 1.25 * fwhm_mm, 0.25),
+            MACHINE,
+            PlanOptions(pitch_mm=pitch_mm, step_mm=pitch_mm, loop=False),
+        )
+        for fwhm_mm, pitch_mm in ((3.0, 1.5), (1.6, 0.8))
+    ]
+    return plan_sequence(SurfaceMap.centred(small_height_nm(), 0.25), tools)
+
+
+@pytest.fixture
+def emulated(tmp_path: Path) -> Iterator[EmulatedController]:
+    with emulated_controller(tmp_path / "trace.h5", speed=SPEED) as controller:
+        yield controller
+
+
+@pytest.fixture
+def folder(tmp_path: Path, sequence: PlanSequence, emulated: EmulatedController) -> Path:
+    write_sequence(sequence, tmp_path / "plan.h5")
+    job = Job(run="r1", simulated=True, speed=SPEED, address=Address(host=emulated.host, port=emulated.port))
+    return prepare(tmp_path, job, tmp_path / "plan.h5", shipped_machine("simulator"))
+
+
+def until(folder: Path, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        shown = status.read(folder)
+        if shown is not None and condition(shown):
+            return shown
+        assert shown is None or shown["state"] not in OVER, shown
+        time.sleep(0.005)
+    pytest.fail(f"status is still {shown}; {(folder / 'worker.log').read_text()}")
+
+
+def until_state(folder: Path, *wanted: str) -> dict[str, Any]:
+    return until(folder, lambda shown: shown["state"] in wanted)
+
+
+def confirm(folder: Path) -> None:
+    control.send(folder, {"act": "confirm"})
+
+
+def ended(folder: Path, worker: subprocess.Popen[bytes]) -> int:
+    code = worker.wait(PATIENCE_S)
+    assert code in (0, 7), (folder / "worker.log").read_text()
+    return code
+
+
+def states(folder: Path) -> list[str]:
+    with Journal.open(folder.parent.parent / "journal.db") as journal:
+        return [event.data["state"] for event in journal.events(run="r1", kind="state")]
+
+
+def assert_removed_as_planned(folder: Path, sequence: PlanSequence) -> None:
+    mask = sequence.prediction.clear_aperture
+    together = read_as_run(folder / "run.h5")
+    parts = [read_as_run(folder / f"run.tool{number}.h5") for number in (1, 2)]
+    assert together is not None
+    np.testing.assert_allclose(sum(part.removal_nm for part in parts if part is not None), together.removal_nm)
+    assert together.rms_difference_nm < 0.02
+    assert float(np.abs(together.removal_nm - sequence.prediction.executed_removal_nm)[mask].max()) < 0.2
+    with h5py.File(folder / "run.h5") as file:
+        assert file.attrs["format"] == "ibfctl-tools-run/1"
+
+
+def test_tools_run_in_sequence_each_when_it_is_confirmed(folder: Path, sequence: PlanSequence) -> None:
+    with start_worker(folder) as worker:
+        until_state(folder, "running")
+        confirm(folder)  # too early: nothing was asked
+        shown = until_state(folder, "tool_change")
+        assert (shown["tool"], shown["tools"], shown["gate"]) == (1, 2, "closed")
+        assert shown["reason"] == "tool 2 of 2 is to be mounted"
+        with MachineLock(MACHINE, "the test"):  # the machine is free to be homed
+            pass
+        confirm(folder)
+        assert until_state(folder, "running")["tool"] == 2
+        assert ended(folder, worker) == 0
+    assert states(folder) == [*FIRST, *TO_MOTION, "finishing", "completed"]
+    assert_removed_as_planned(folder, sequence)
+    assert transcript(folder)["stream"].count(b"PVA=") == 2 + sum(len(plan.program) for plan in sequence.plans)
+
+
+@pytest.mark.parametrize(("act", "end"), [("abort", "aborted"), ("stop", "stopped"), ("estop", "estopped")])
+def test_a_run_may_end_while_it_waits_for_a_tool(folder: Path, act: str, end: str) -> None:
+    with start_worker(folder) as worker:
+        until_state(folder, "tool_change")
+        control.send(folder, {"act": act})
+        assert ended(folder, worker) == 7
+    assert states(folder) == [*FIRST, end]
+    first, together = read_as_run(folder / "run.tool1.h5"), read_as_run(folder / "run.h5")
+    assert first is not None
+    assert together is not None
+    np.testing.assert_array_equal(first.removal_nm, together.removal_nm)
+    found = recover(folder)
+    assert not found.can_resume
+    assert found.why_not == ("an emergency stop is latched on the controller" if act == "estop" else f"the run is {end}")
+
+
+def test_a_worker_that_is_killed_between_the_tools_and_inside_the_second_loses_nothing(
+    folder: Path, sequence: PlanSequence, tmp_path: Path
+) -> None:
+    with start_worker(folder) as worker:
+        until_state(folder, "tool_change")
+        worker.kill()
+    assert interrupt_orphans(tmp_path) == [folder]
+    between = recover(folder)
+    first, second = (int(plan.program.time_samples.sum()) for plan in sequence.plans)
+    assert (between.executed, between.can_resume) == (((0, first),), True)
+    with resume(folder, between) as worker:
+        until_state(folder, "tool_change")
+        confirm(folder)
+        until(folder, lambda shown: shown["state"] == "running" and shown["progress"] > 0.2)
+        worker.kill()
+    assert interrupt_orphans(tmp_path) == [folder]
+    inside = recover(folder)
+    ((begin, seam),) = inside.executed
+    assert begin == 0
+    assert 0.1 * second < seam < second
+    assert (inside.uncertainty_samples, inside.can_resume) == (0, True)
+    with resume(folder, inside) as worker:
+        assert ended(folder, worker) == 0
+    assert_removed_as_planned(folder, sequence)
+    again = ["interrupted", "resuming"]
+    assert states(folder) == [*FIRST, *again, "tool_change", *TO_MOTION, *again, "running", "finishing", "completed"]
+    assert recover(folder).why_not == "the plan was executed to its end"
