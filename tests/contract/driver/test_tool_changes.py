@@ -33,7 +33,7 @@ from ibfctl.runs.transcript import transcript
 from ibfctl.surface.influence import gaussian
 from ibfctl.surface.map import SurfaceMap
 
-SPEED = 100.0
+SPEED = 30.0
 PATIENCE_S = 30.0
 MACHINE = read_machine(shipped_machine("simulator"))
 OVER = ("completed", "faulted", "aborted")
@@ -73,7 +73,7 @@ def until(folder: Path, condition: Callable[[dict[str, Any]], bool]) -> dict[str
         shown = status.read(folder)
         if shown is not None and condition(shown):
             return shown
-        assert shown is None or shown["state"] not in OVER, shown
+        assert shown is None or shown["state"] not in OVER, str(shown)
         time.sleep(0.005)
     pytest.fail(f"status is still {shown}; {(folder / 'worker.log').read_text()}")
 
@@ -139,7 +139,8 @@ def test_a_run_may_end_while_it_waits_for_a_tool(folder: Path, act: str, end: st
     np.testing.assert_array_equal(first.removal_nm, together.removal_nm)
     found = recover(folder)
     assert not found.can_resume
-    assert found.why_not == ("an emergency stop is latched on the controller" if act == "estop" else f"the run is {end}")
+    latched = "an emergency stop is latched on the controller"
+    assert found.why_not == (latched if act == "estop" else f"the run is {end}")
 
 
 def test_a_worker_that_is_killed_between_the_tools_and_inside_the_second_loses_nothing(
