@@ -91,6 +91,7 @@ class Events:
                     frames = [_frame(e.kind, _shown(e), e.id) for e in events if run in (None, e.run)]
                     if frames:
                         yield b"".join(frames)
+                sent = {name: seq for name, seq in sent.items() if name in self._samples}
                 for name, sample in list(self._samples.items()):
                     if run in (None, name) and sent.get(name) != sample.seq:
                         sent[name] = sample.seq
