@@ -7,7 +7,7 @@ from typing import Any
 from benchmarks._soak import LISTENERS, growth, soak
 
 DURATION_S = 24 * 3600.0
-SPEED = 200.0
+SPEED = 300.0
 MEMORY_GROWTH = 0.05
 LEAST_MARGIN_RATIO = 0.8
 
