@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.plan import Plan, Prediction
+from ibfctl.planning.sequence import PlanSequence
 from ibfctl.planning.spectra import spectra
 from ibfctl.report.curves import draw_spectra
 from ibfctl.report.panels import draw_panels, new_figure, save, signed_scale
@@ -41,7 +42,7 @@ def draw_plan(plan: Plan, folder: Path) -> list[Path]:
     return [folder / "map.png", *paths, folder / "psd.png"]
 
 
-def draw_run(plan: Plan, as_run: AsRun | None, folder: Path) -> list[Path]:
+def draw_run(plan: Plan | PlanSequence, as_run: AsRun | None, folder: Path) -> list[Path]:
     """Write the picture of the residuals, ideal, executed and as run, on one scale; return its path."""
     if plan.surface is None or plan.prediction is None or as_run is None:
         return []
@@ -62,7 +63,8 @@ def draw_run(plan: Plan, as_run: AsRun | None, folder: Path) -> list[Path]:
     title = f"Removal as run minus executed: {_PM_PER_NM * as_run.rms_difference_nm:.2f} pm RMS"
     scale = signed_scale(difference_pm)
     panels.append(map_panel(plan.surface, difference_pm, title, "difference / pm", scale))
-    draw_panels(folder / "residuals.png", panels, plan.options.clear_aperture)
+    options = plan.options if isinstance(plan, Plan) else plan.plans[0].options
+    draw_panels(folder / "residuals.png", panels, options.clear_aperture)
     return [folder / "residuals.png"]
 
 

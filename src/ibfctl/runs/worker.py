@@ -198,6 +198,7 @@ class Worker:
             self._under_way, self._before = self._mounted, History()
             self._report("tool", {"tool": self._mounted.tool})
             self._show_tool()
+            self._status.tell(place=None, sent=0, executed=0, total=len(self._mounted.plan.program), progress=0.0)
         return data
 
     def _look_again(self) -> None:

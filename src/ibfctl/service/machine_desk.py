@@ -12,6 +12,7 @@ from typing import Any
 from ibfctl.errors import RunError
 from ibfctl.runs.control import open_pipe, send
 from ibfctl.runs.emulator import EmulatedController
+from ibfctl.runs.states import RunState
 from ibfctl.service.access import Holder
 from ibfctl.service.children import Child
 from ibfctl.service.fleet import Beside, Fleet
@@ -58,11 +59,13 @@ class MachineDesk:
         Raises
         ------
         ServiceError
-            If a run or another act is under way; an e-stop asks for neither.
+            If a run or another act is under way; an e-stop asks for neither. A run that waits for a tool to be
+            mounted has let go of the machine.
         """
         emergency = name == "estop"
-        if not emergency and (self.busy or self._fleet.living):
-            what = f"runs/{self._fleet.living[0]}" if self._fleet.living else f"machine: {(self.act or {})['name']}"
+        moving = [run for run in self._fleet.living if self._fleet.state(run) is not RunState.TOOL_CHANGE]
+        if not emergency and (self.busy or moving):
+            what = f"runs/{moving[0]}" if moving else f"machine: {(self.act or {})['name']}"
             raise ServiceError(409, f"{what} is under way", "wait for its end or abort it")
         request: Shown = {"name": name, "machine": str(self._settings.machine), "target_mm": dict(target_mm or {})}
         if self.emulated is not None:

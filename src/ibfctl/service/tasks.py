@@ -182,12 +182,13 @@ def plan_files_of(arguments: Arguments) -> Arguments:
 
 def run_files_of(arguments: Arguments) -> Arguments:
     """Write the table and the picture of what a run has left."""
-    from ibfctl.planning.file import read_plan
+    from ibfctl.planning.file import read_plans, read_sequence
     from ibfctl.report.pictures import draw_run
     from ibfctl.runs.run_file import read_as_run
 
     folder = Path(arguments["folder"])
-    made = read_plan(Path(arguments["plan"]))
+    plans = read_plans(Path(arguments["plan"]))
+    made = plans[0] if len(plans) == 1 else read_sequence(Path(arguments["plan"]))
     as_run = read_as_run(Path(arguments["run"]))
     if as_run is None or made.surface is None:
         return {}

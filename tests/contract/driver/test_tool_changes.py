@@ -2,40 +2,35 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
-from support.small_job import small_height_nm
+from support.two_tools import two_tools
 
-from ibfctl.machine.description import read_machine
 from ibfctl.machine.shipped import shipped_machine
-from ibfctl.planning.file import write_sequence
-from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.file import read_plans, write_sequence
 from ibfctl.planning.sequence import PlanSequence
-from ibfctl.planning.several import plan_sequence
-from ibfctl.planning.tool import Tool
 from ibfctl.runs import control, status
 from ibfctl.runs.adoption import interrupt_orphans
 from ibfctl.runs.emulator import EmulatedController, emulated_controller
-from ibfctl.runs.job import Address, Job, prepare
+from ibfctl.runs.job import Address, Job, prepare, read_job
 from ibfctl.runs.journal import Journal
 from ibfctl.runs.launch import start_worker
 from ibfctl.runs.lock import MachineLock
 from ibfctl.runs.recovery import recover, resume
 from ibfctl.runs.run_file import read_as_run
 from ibfctl.runs.transcript import transcript
-from ibfctl.surface.influence import gaussian
-from ibfctl.surface.map import SurfaceMap
 
-SPEED = 30.0
+SPEED = 50.0
 PATIENCE_S = 30.0
-MACHINE = read_machine(shipped_machine("simulator"))
 OVER = ("completed", "faulted", "aborted")
 TO_MOTION = ["preflight", "moving_to_start", "armed", "running"]
 FIRST = ["queued", *TO_MOTION, "finishing", "tool_change"]
@@ -43,15 +38,7 @@ FIRST = ["queued", *TO_MOTION, "finishing", "tool_change"]
 
 @pytest.fixture(scope="module")
 def sequence() -> PlanSequence:
-    tools = [
-        Tool(
-            gaussian(fwhm_mm, 12.0, 1.25 * fwhm_mm, 0.25),
-            MACHINE,
-            PlanOptions(pitch_mm=pitch_mm, step_mm=pitch_mm, loop=False),
-        )
-        for fwhm_mm, pitch_mm in ((3.0, 1.5), (1.6, 0.8))
-    ]
-    return plan_sequence(SurfaceMap.centred(small_height_nm(), 0.25), tools)
+    return two_tools()
 
 
 @pytest.fixture
@@ -62,9 +49,14 @@ def emulated(tmp_path: Path) -> Iterator[EmulatedController]:
 
 @pytest.fixture
 def folder(tmp_path: Path, sequence: PlanSequence, emulated: EmulatedController) -> Path:
-    write_sequence(sequence, tmp_path / "plan.h5")
+    return waiting_run(tmp_path, sequence, emulated, shipped_machine("simulator").read_text())
+
+
+def waiting_run(data: Path, sequence: PlanSequence, emulated: EmulatedController, machine: str) -> Path:
+    write_sequence(sequence, data / "plan.h5")
+    (data / "machine.toml").write_text(machine)
     job = Job(run="r1", simulated=True, speed=SPEED, address=Address(host=emulated.host, port=emulated.port))
-    return prepare(tmp_path, job, tmp_path / "plan.h5", shipped_machine("simulator"))
+    return prepare(data, job, data / "plan.h5", data / "machine.toml")
 
 
 def until(folder: Path, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
@@ -116,7 +108,7 @@ def test_tools_run_in_sequence_each_when_it_is_confirmed(folder: Path, sequence:
         shown = until_state(folder, "tool_change")
         assert (shown["tool"], shown["tools"], shown["gate"]) == (1, 2, "closed")
         assert shown["reason"] == "tool 2 of 2 is to be mounted"
-        with MachineLock(MACHINE, "the test"):  # the machine is free to be homed
+        with MachineLock(read_job(folder).machine(folder), "the test"):  # the machine is free to be homed
             pass
         confirm(folder)
         assert until_state(folder, "running")["tool"] == 2
@@ -126,7 +118,7 @@ def test_tools_run_in_sequence_each_when_it_is_confirmed(folder: Path, sequence:
     assert transcript(folder)["stream"].count(b"PVA=") == 2 + sum(len(plan.program) for plan in sequence.plans)
 
 
-@pytest.mark.parametrize(("act", "end"), [("abort", "aborted"), ("stop", "stopped"), ("estop", "estopped")])
+@pytest.mark.parametrize(("act", "end"), [("stop", "stopped"), ("estop", "estopped")])
 def test_a_run_may_end_while_it_waits_for_a_tool(folder: Path, act: str, end: str) -> None:
     with start_worker(folder) as worker:
         until_state(folder, "tool_change")
@@ -156,7 +148,7 @@ def test_a_worker_that_is_killed_between_the_tools_and_inside_the_second_loses_n
     with resume(folder, between) as worker:
         until_state(folder, "tool_change")
         confirm(folder)
-        until(folder, lambda shown: shown["state"] == "running" and shown["progress"] > 0.2)
+        until(folder, lambda shown: shown["state"] == "running" and shown.get("progress", 0) > 0.2)
         worker.kill()
     assert interrupt_orphans(tmp_path) == [folder]
     inside = recover(folder)
@@ -170,3 +162,54 @@ def test_a_worker_that_is_killed_between_the_tools_and_inside_the_second_loses_n
     again = ["interrupted", "resuming"]
     assert states(folder) == [*FIRST, *again, "tool_change", *TO_MOTION, *again, "running", "finishing", "completed"]
     assert recover(folder).why_not == "the plan was executed to its end"
+
+
+def test_what_the_first_tool_missed_the_second_is_planned_for_also_after_a_kill(
+    sequence: PlanSequence, emulated: EmulatedController, tmp_path: Path
+) -> None:
+    first, second = sequence.plans
+    assert first.prediction is not None
+    promised = replace(first.prediction, executed_removal_nm=1.2 * first.prediction.executed_removal_nm)
+    promising = replace(sequence, plans=(replace(first, prediction=promised), second))
+    folder = waiting_run(tmp_path, promising, emulated, shipped_machine("simulator").read_text())
+    with start_worker(folder) as worker:
+        until_state(folder, "tool_change")
+        confirm(folder)
+        until(folder, lambda shown: shown["state"] == "running" and shown["tool"] == 2 and shown["progress"] > 0.2)
+        worker.kill()
+    assert interrupt_orphans(tmp_path) == [folder]
+    (anew,) = read_plans(folder / "plan.tool2.h5")
+    with resume(folder, recover(folder)) as worker:
+        assert ended(folder, worker) == 0
+    with h5py.File(folder / "run.tool2.h5") as file:
+        assert file["executed/plan_samples"][-1, 1] == anew.program.time_samples.sum()
+    with h5py.File(folder / "run.h5") as file:
+        tools = json.loads(file.attrs["tools"])
+    assert [tool["replanned"] for tool in tools] == [None, "plan.tool2.h5"]
+    together = read_as_run(folder / "run.h5")
+    assert together is not None
+    assert together.rms_nm == pytest.approx(sequence.summary()["executed_rms_nm"], abs=0.05)
+
+
+def test_what_the_preflight_of_a_later_tool_refuses_can_be_put_right(
+    sequence: PlanSequence, emulated: EmulatedController, tmp_path: Path
+) -> None:
+    pressure = '[[interlocks]]\nname = "pressure"\nsource = "pushed"\nmin = 1.0\nmax = 2.0\nstale_s = 100.0\n'
+    machine = shipped_machine("simulator").read_text() + pressure
+    folder = waiting_run(tmp_path, sequence, emulated, machine)
+    with start_worker(folder) as worker:
+        control.send(folder, {"act": "interlock", "name": "pressure", "value": 1.5})
+        until_state(folder, "tool_change")
+        control.send(folder, {"act": "interlock", "name": "pressure", "value": 3.0})
+        confirm(folder)
+        until(folder, lambda shown: "pressure" in (shown.get("reason") or ""))
+        control.send(folder, {"act": "interlock", "name": "pressure", "value": 1.5})
+        with MachineLock(read_job(folder).machine(folder), "somebody"):
+            confirm(folder)
+            shown = until(folder, lambda shown: "in use by somebody" in (shown.get("reason") or ""))
+        assert (shown["state"], shown["tool"]) == ("tool_change", 1)
+        confirm(folder)
+        assert ended(folder, worker) == 0
+    refused = ["preflight", "tool_change"]
+    assert states(folder) == [*FIRST, *refused, *refused, *TO_MOTION, "finishing", "completed"]
+    assert_removed_as_planned(folder, sequence)

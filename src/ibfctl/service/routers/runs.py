@@ -36,7 +36,12 @@ router = APIRouter(prefix="/runs", tags=["runs"])
 RunFile = Literal["run.h5", "residual.npz", "residuals.png"]
 _FILES: tuple[RunFile, ...] = get_args(RunFile)
 _Text = Annotated[str, Field(min_length=1, max_length=200)]
-_MAY: dict[str, RunState] = {"pause": RunState.PAUSING, "resume": RunState.RESUMING}
+_MAY: dict[str, frozenset[RunState]] = {
+    "pause": frozenset(state for state in RunState if RunState.PAUSING in TRANSITIONS[state]),
+    "resume": frozenset(state for state in RunState if RunState.RESUMING in TRANSITIONS[state]),
+    "confirm": frozenset({RunState.TOOL_CHANGE}),
+}
+"""In which states a run takes an act; all others it takes in every state."""
 
 
 class RunRequest(BaseModel):
@@ -150,7 +155,7 @@ async def estop_run(identity: Identity, service: Service, asking: Asking) -> Rec
 
 @router.post("/{identity}/confirm", **_ACT)
 async def confirm_run(identity: Identity, service: Service, asking: Asking) -> Record:
-    """Confirm what the run waits for, such as a change of the tool."""
+    """Confirm that the tool that the run waits for is mounted, and that the machine knows where it is."""
     return _pass_on(service, identity, asking, {"act": "confirm"})
 
 
@@ -194,8 +199,7 @@ def _pass_on(service: State, identity: str, asking: Holder, act: dict[str, Any])
     """Hand an act to a run's worker; refuse one that the run's state does not allow."""
     record = service.runs.read(identity)
     state = service.fleet.state(identity)
-    wanted = _MAY.get(act["act"])
-    if wanted is not None and wanted not in TRANSITIONS[state]:
+    if state not in _MAY.get(act["act"], RunState):
         raise ServiceError(409, f"runs/{identity}: is {state}", f"a run that is {state} cannot {act['act']}")
     try:
         service.fleet.act(identity, {**act, "key": asking.key, "by": asking.name})
