@@ -24,6 +24,8 @@ Layout (docs/file-formats.md explains it; names are stable):
 
 A plan for several tools has another `format`. Each ``/tools/<n>``, counted from one in the order in which they run,
 holds all of the above but `format`; ``/map``, ``/prediction`` and ``/psd`` are those of all tools together.
+
+The file is sealed: a program whose scale or counts were changed on a disk must not reach a machine.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ibfctl import __version__
 from ibfctl.errors import InputError
-from ibfctl.hdf5 import new_file
+from ibfctl.hdf5 import check_seal, new_file
 from ibfctl.planning.groups import (
     INPUTS,
     ROUNDS,
@@ -67,7 +69,7 @@ def write_plan(plan: Plan, path: Path) -> None:
     InputError
         If the file cannot be written.
     """
-    with new_file(path) as file:
+    with new_file(path, sealed=True) as file:
         file.attrs["format"] = FORMAT
         fill_plan(file, plan)
 
@@ -83,7 +85,7 @@ def write_sequence(sequence: PlanSequence, path: Path) -> None:
     if len(sequence.plans) == 1:
         write_plan(sequence.plans[0], path)
         return
-    with new_file(path) as file:
+    with new_file(path, sealed=True) as file:
         file.attrs["format"] = SEVERAL_FORMAT
         file.attrs["version"] = __version__
         file.attrs["method"] = sequence.method
@@ -171,6 +173,7 @@ def _plans(file: h5py.File) -> tuple[Plan, ...]:
 @contextlib.contextmanager
 def _readable(path: Path) -> Iterator[h5py.File]:
     try:
+        check_seal(path)
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, ValidationError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import re
 import resource
@@ -20,6 +21,15 @@ from ibfctl.planning.file import read_plan, read_plans, read_sequence, write_pla
 from ibfctl.planning.plan import Plan
 from ibfctl.planning.sequence import PlanSequence
 from ibfctl.schedule.certificate import axis_cubics
+
+
+@contextmanager
+def edited(path: Path) -> Iterator[h5py.File]:
+    """Change a plan file, and seal it again as if it had been written so."""
+    with h5py.File(path, "r+") as file:
+        yield file
+    content = path.read_bytes()
+    path.write_bytes(content + b"\nibfctl-sha256:" + hashlib.sha256(content).hexdigest().encode())
 
 
 @pytest.fixture
@@ -154,7 +164,7 @@ def test_a_folder_that_is_not_there_and_a_place_that_is_taken(hand_made_plan: Pl
     with pytest.raises(InputError, match="cannot be written"):
         write_plan(hand_made_plan, tmp_path / "absent" / "plan.h5")
     (tmp_path / "taken").mkdir()
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="is no file"):
         write_plan(hand_made_plan, tmp_path / "taken")
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
@@ -182,11 +192,24 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def test_a_foreign_hdf5_file(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["data"] = np.zeros(3)
-    assert "not a plan of this version" in refused(tmp_path / "other.h5")
+    assert "no checksum" in refused(tmp_path / "other.h5")
+
+
+def test_a_single_changed_byte_anywhere(written: Path) -> None:
+    whole = written.read_bytes()
+    for place in [*range(0, len(whole), len(whole) // 200), len(whole) - 1]:
+        written.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        assert "checksum" in refused(written)
+
+
+def test_a_plan_that_another_program_has_changed(written: Path) -> None:
+    with h5py.File(written, "r+") as file:
+        file["program/A"].attrs["counts_per_mm"] = 1.0
+    assert "no checksum" in refused(written)
 
 
 def test_a_plan_of_another_version(written: Path) -> None:
-    with h5py.File(written, "r+") as file:
+    with edited(written) as file:
         file.attrs["format"] = "ibfctl-plan/999"
     assert "not a plan of this version" in refused(written)
 
@@ -227,7 +250,7 @@ DAMAGE = {
 
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_plan(written: Path, damage: str) -> None:
-    with h5py.File(written, "r+") as file:
+    with edited(written) as file:
         DAMAGE[damage](file)
     refused(written)
 
@@ -307,7 +330,7 @@ SEVERAL_DAMAGE = {
 def test_a_damaged_plan_of_several_tools(sequence: PlanSequence, tmp_path: Path, damage: str) -> None:
     path = tmp_path / "plan.h5"
     write_sequence(sequence, path)
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         SEVERAL_DAMAGE[damage](file)
     refused(path)
 
@@ -315,7 +338,7 @@ def test_a_damaged_plan_of_several_tools(sequence: PlanSequence, tmp_path: Path,
 def test_a_plan_by_an_unknown_method(sequence: PlanSequence, tmp_path: Path) -> None:
     path = tmp_path / "plan.h5"
     write_sequence(sequence, path)
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["method"] = "magic"
     with pytest.raises(InputError, match="cannot be read"):
         read_sequence(path)
