@@ -55,10 +55,10 @@ def show_list(records: list[Any], as_json: bool, *names: str) -> None:
     print_table(rows, [name.rpartition(".")[2] for name in names])
 
 
-def failed(problem: Mapping[str, Any]) -> IbfctlError:
-    """Return the error of a problem, with the exit code of its kind."""
+def failed(problem: Mapping[str, Any], otherwise: type[IbfctlError] = IbfctlError) -> IbfctlError:
+    """Return the error of a problem, with the exit code of its kind, or of another where it has none."""
     kinds = {kind.code: kind for kind in _below(IbfctlError)}
-    return kinds.get(problem["code"], IbfctlError)(problem["detail"], problem["hint"])
+    return kinds.get(problem["code"], otherwise)(problem["detail"], problem["hint"])
 
 
 def the_run(client: Client, identity: str | None) -> str:

@@ -11,6 +11,7 @@ from ibfctl.cli.options import Decorator
 from ibfctl.cli.output import print_json, print_lines
 from ibfctl.cli.remote import failed, show, show_list, the_run, with_client
 from ibfctl.cli.watch import describe, watch
+from ibfctl.errors import RunError
 
 if TYPE_CHECKING:
     from ibfctl.client import Client
@@ -157,7 +158,7 @@ def _end(run: Run, as_json: bool) -> None:
     """Show a run; one that ended otherwise than as planned ends the command with its exit code."""
     _show(run, as_json)
     if "error" in run:
-        raise failed(run["error"])
+        raise failed(run["error"], RunError)
 
 
 def _show(run: Run, as_json: bool) -> None:
