@@ -9,7 +9,7 @@ demo: $(VENV)/.demo
 	$(BIN)/ibfctl demo --out demo-results
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile # most of their time they wait for sockets and clocks
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -m slow
