@@ -153,6 +153,7 @@ def test_no_fault_drills_a_hole(name: str, latency_s: float, tmp_path: Path) -> 
     assert longest_stand_s(trace) <= LONGEST_STAND_S + host_s
     # The record is what happened, and claims no more than is known.
     claimed = sum(last - first for first, last in result.executed_plan_samples)
+    assert claimed < steady_line().time_samples.sum(), "noticed at the end alone"
     assert claimed - 4 <= exposed_samples(trace) <= claimed + result.uncertainty_samples + 4
     assert result.error is not None
     assert result.error.hint or result.state is not RunState.FAULTED

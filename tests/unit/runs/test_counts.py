@@ -56,6 +56,14 @@ def test_what_was_sent_is_executed_or_waiting_or_in_motion(active: int) -> None:
         CountCheck(255, RUNNING, COMPLETE)(poll(10, 10, sent=200, active=active), 200, end_sent=False)
 
 
+def test_a_segment_that_stays_missing_was_lost() -> None:
+    check = CountCheck(255, RUNNING, COMPLETE)
+    for executed in range(LASTING_POLLS):
+        check(poll(executed, executed, sent=200, active=2), 200, end_sent=False)
+    with pytest.raises(RunError, match="lost or made up"):
+        check(poll(LASTING_POLLS, LASTING_POLLS, sent=200, active=2), 200, end_sent=False)
+
+
 def test_complete_is_expected_only_once_the_end_marker_is_sent() -> None:
     done = poll(201, 201, sent=201, code=COMPLETE, active=0)
     CountCheck(255, RUNNING, COMPLETE)(done, 200, end_sent=True)
