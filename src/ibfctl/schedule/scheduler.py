@@ -31,8 +31,8 @@ FloatArray = NDArray[np.float64]
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 2.0, 2.0, 2.0)
 
 
-# Each round splits what was too long; a path that is possible at all settles in some hundreds at the very most.
-_COUNTING_ROUNDS = 1000
+# Each round splits what was too long; long steps of a slow machine settle in some thousands at the very most.
+_COUNTING_ROUNDS = 10_000
 
 
 @dataclass(frozen=True)

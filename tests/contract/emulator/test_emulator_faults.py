@@ -148,6 +148,11 @@ def test_an_input(server, client):
     assert client.ask("MG @IN[3]\r") == " 0.0000\r\n:"
 
 
+def test_an_analog_input(server, client):
+    server.fault("analog number=2 volts=-1.25")
+    assert client.ask("MG @AN[2]\r") == "-1.2500\r\n:"
+
+
 def test_a_wrong_sample_time_shows_against_the_clock_alone(server, client):
     server.fault("sample-time scale=1.024")
     server.call(lambda: server.clock.step(10.0))
