@@ -25,6 +25,7 @@ from ibfctl.runs.trace import RunTrace, read_emulator_trace
 
 PATIENCE_S = machine().beam_gate.guard_patience_s
 SAMPLE_S = 1 / 1024
+AT_SPEED_SEGMENTS = 60  # both axes turn at once about the 133rd: a stop there is over within a sample
 
 
 @contextmanager
@@ -44,7 +45,7 @@ def a_host_at_work(plan_file: Path, bench: MachineDescription) -> Iterator[subpr
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
-            while int(process.stdout.readline()) < 130:
+            while int(process.stdout.readline()) < AT_SPEED_SEGMENTS:
                 pass
             yield process
         finally:
