@@ -132,7 +132,7 @@ def killed_served(data: Path, service: Service, chance: random.Random) -> Trial:
     while service.client.info()["running"]:
         time.sleep(LOOK_S)
     ended = service.client.runs.show(run)
-    if not worker_too and ended["state"] != RunState.COMPLETED:
+    if not worker_too and RunState(ended["state"]) is not RunState.COMPLETED:
         raise RuntimeError(f"run {run} did not survive the service: {ended}")
     return Trial(folder, after_s, recover(folder))
 

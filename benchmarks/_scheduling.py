@@ -17,7 +17,7 @@ from ibfctl.machine.description import MachineDescription, read_machine
 from ibfctl.machine.shipped import shipped_machine
 from ibfctl.path.raster import raster
 from ibfctl.path.tool_path import ToolPath
-from ibfctl.schedule import velocity
+from ibfctl.schedule import programme, velocity
 from ibfctl.schedule.scheduler import PvtSchedule, schedule, shortest_times
 from ibfctl.surface.map import Rectangle
 
@@ -63,13 +63,14 @@ def dwell_of(path: ToolPath, machine: MachineDescription) -> NDArray[np.float64]
     relative = np.exp(0.35 * smooth / smooth.std())
     rough = random.uniform(size=path.segments) < _ROUGH_SHARE
     relative[rough] *= random.choice([0.3, 4.0], size=int(rough.sum()))
-    return np.maximum(relative * path.length_mm / _SPEED_MM_S, shortest_times(path, machine))
+    wished_s: NDArray[np.float64] = relative * path.length_mm / _SPEED_MM_S
+    return np.maximum(wished_s, shortest_times(path, machine))
 
 
 def programme_nodes(path: ToolPath, dwell_s: NDArray[np.float64], machine: MachineDescription) -> int:
     """Nodes that are handed to the quadratic programme the first time, because the plain spline breaks a limit."""
     handed = []
-    solve = velocity.solve_programme
+    solve = programme.solve_programme
 
     def counting(*arguments: Any) -> Any:
         handed.append(int(arguments[-1].sum()))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ibfctl.errors import RunError
 from ibfctl.machine.controller import MotionController
-from ibfctl.machine.description import MachineDescription, read_machine
+from ibfctl.machine.description import AxisLetter, MachineDescription, read_machine
 from ibfctl.machine.program import AxisProgram, PvtProgram
 from ibfctl.machine.shipped import shipped_machine
 from ibfctl.runs.drivers import connect
@@ -27,9 +27,10 @@ def wave(segments: int, time_samples: int) -> PvtProgram:
     """Return a smooth two-axis motion of that many segments, at rest at both ends."""
     bench = machine()
     phase = np.linspace(0, 1, segments + 1)
-    axes = {}
-    for letter, turns in (("A", segments / 200), ("B", 3.0)):
-        position = np.rint(100_000 * np.sin(np.pi * phase) ** 2 * np.sin(2 * np.pi * turns * phase))
+    axes: dict[str, AxisProgram] = {}
+    turns: dict[AxisLetter, float] = {"A": segments / 200, "B": 3.0}
+    for letter, waves in turns.items():
+        position = np.rint(100_000 * np.sin(np.pi * phase) ** 2 * np.sin(2 * np.pi * waves * phase))
         slope = np.gradient(position, time_samples * bench.sample_period_s)
         slope[[0, -1]] = 0
         increments, velocities = np.diff(position).astype(np.int64), np.rint(slope[1:]).astype(np.int64)

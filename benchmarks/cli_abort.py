@@ -29,7 +29,7 @@ def run() -> dict[str, Any]:
                 starts.append(time.monotonic() - begun)
                 begun = time.monotonic()
                 # The url leads nowhere: only the pipe of the worker can have told it.
-                abort = [COMMAND, "abort", "--data", str(folder / "data"), "--url", "http://127.0.0.1:9"]
+                abort = [str(COMMAND), "abort", "--data", str(folder / "data"), "--url", "http://127.0.0.1:9"]
                 subprocess.run(abort, check=True, stdout=subprocess.DEVNULL)
                 seconds.append(wire.await_abort(begun) - begun)
                 client.runs.wait(moving)

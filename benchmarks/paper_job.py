@@ -69,13 +69,13 @@ def _stamp_per_sample_s(program: PvtProgram, grid: Grid, influence: InfluenceFun
     ends = np.cumsum(program.time_samples)
     sample = np.linspace(0, ends[-1] - 1, STAMPS).astype(np.int64)
     segment = np.searchsorted(ends, sample, side="right")
-    inside_s = (sample - ends[segment] + program.time_samples[segment]) * program.sample_period_s
+    inside_samples = (sample - ends[segment] + program.time_samples[segment]).astype(np.float64)
     place = {}
     for coordinate in ("x", "y"):
         axis = program.axis_of(coordinate)
         c = axis_cubics(program, axis)
         picked = Cubics(*(part[segment] for part in (c.start, c.move, c.start_velocity, c.end_velocity, c.time_s)))
-        place[coordinate] = picked.position(inside_s) / axis.counts_per_mm
+        place[coordinate] = picked.position(inside_samples * program.sample_period_s) / axis.counts_per_mm
     stamp = influence.resampled(grid.pixel_mm).rate_nm_s * program.sample_period_s
     high, wide = stamp.shape
     # A margin on all sides: stamps beside the part need no special case.

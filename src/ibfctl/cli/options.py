@@ -16,17 +16,19 @@ from ibfctl.machine.shipped import machine_file
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-class _Positive(click.FloatRange):
-    """A number above zero; a comparison alone lets NaN pass."""
+class Finite(click.FloatRange):
+    """A number within a range; a comparison alone lets NaN pass, and a range without an upper end infinity."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Refuse what is no finite number."""
         number = float(super().convert(value, param, ctx))
-        if math.isnan(number):
-            self.fail("nan is no number.", param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number.", param, ctx)
         return number
 
 
-POSITIVE = _Positive(min=0, min_open=True)
+POSITIVE = Finite(min=0, min_open=True)
+NOT_NEGATIVE = Finite(min=0)
 
 
 def machine_path(value: str | None) -> Path | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import click
 
 from ibfctl.cli.options import (
+    NOT_NEGATIVE,
     POSITIVE,
     bounds_options,
     covering_options,
@@ -60,7 +61,7 @@ def _tikhonov(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 @covering_options
 @placement_options
 @bounds_options
-@click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
+@click.option("--margin", type=NOT_NEGATIVE, help="Share of the residual given for time; default: 0.01.")
 @click.option("--max-time", type=POSITIVE, help="Longest run time, s: the best residual within it.")
 @click.option("--max-residual", type=POSITIVE, help="Allowed residual, nm RMS: the shortest time to it.")
 @click.option("--seconds-per-nm", type=POSITIVE, help="Seconds of total time that a nm RMS of residual is worth.")

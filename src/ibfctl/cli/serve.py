@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ibfctl.cli.options import POSITIVE
 from ibfctl.errors import InputError
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
@@ -27,7 +28,7 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 @click.option("--machine", metavar="FILE", help="Machine file, or the name of a shipped one: nsls2-ibf, simulator.")
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     help="Clock of the emulated controller: its seconds per second; default: 1.",
 )
 @click.option("--tls-certificate", type=_FILE, help="Certificate chain (PEM): serve HTTPS.")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ibfctl.cli.options import json_option
+from ibfctl.cli.options import Finite, json_option
 from ibfctl.cli.output import print_json
 from ibfctl.cli.progress import progress
 from ibfctl.cli.words import tolerance_lines
@@ -22,7 +22,7 @@ _CONNECT_S = 10
 
 
 def _sigma(name: str, default: float, help_text: str, largest: float | None = None) -> Callable[..., Any]:
-    kind = click.FloatRange(min=0, max=largest)
+    kind = Finite(min=0, max=largest)
     return click.option(name, type=kind, default=default, show_default=True, help=help_text)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ibfctl.cli.options import machine_path, together
+from ibfctl.cli.options import NOT_NEGATIVE, machine_path, together
 
 if TYPE_CHECKING:
     from ibfctl.jobs.tool_files import ToolFile
@@ -72,7 +72,7 @@ def _tools(ctx: click.Context, param: click.Parameter, values: Sequence[str]) ->
 
 tool_change_option = click.option(
     "--tool-change-s",
-    type=click.FloatRange(min=0),
+    type=NOT_NEGATIVE,
     default=0.0,
     show_default=True,
     help="Time of a change of tools, s; counts in the total time.",

@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from ibfctl.cli.options import POSITIVE, covering_options, json_option, machine_option, output_option, unit_options
+from ibfctl.cli.options import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    covering_options,
+    json_option,
+    machine_option,
+    output_option,
+    unit_options,
+)
 from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.progress import progress
 from ibfctl.cli.tool_options import ToolSpec, tool_change_option, tool_files, tools_argument
@@ -24,7 +32,7 @@ def command() -> None:
 @tools_argument
 @machine_option(required=False)
 @tool_change_option
-@click.option("--margin", type=click.FloatRange(min=0), help="Share of the residual given for time; default: 0.01.")
+@click.option("--margin", type=NOT_NEGATIVE, help="Share of the residual given for time; default: 0.01.")
 @click.option("--seconds-per-nm", type=POSITIVE, help="Seconds of total time that a nm RMS of residual is worth.")
 @covering_options
 @unit_options

@@ -16,6 +16,7 @@ _UNITS = {"x": "nm² mm", "y": "nm² mm", "radial": "nm² mm²"}
 _BEFORE, _AFTER = "#b2182b", "#1f3b5c"
 # Below this share of the largest density there is nothing but rounding.
 _FLOOR = 1e-12
+_FEW_DECADES = 2.0
 
 
 def draw_spectra(changes: Mapping[str, Change], path: Path) -> None:
@@ -30,7 +31,8 @@ def draw_spectra(changes: Mapping[str, Change], path: Path) -> None:
         axis.set_title(f"PSD {_TITLES[name]}", loc="left", fontsize=10.5)
         axis.set_xlabel("spatial frequency / (1/mm)")
         axis.set_ylabel(f"density / ({_UNITS[name]})")
-        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        few = np.ptp(np.log10(change.before.frequency_per_mm[1:])) < _FEW_DECADES
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
         axis.xaxis.set_major_formatter("{x:.3g}")
         axis.xaxis.set_minor_formatter(NullFormatter())
         axis.grid(color="0.9", linewidth=0.6)

@@ -266,7 +266,7 @@ def _check_times(dwell_s: FloatArray, path: ToolPath, sample_period_s: float) ->
         node = int(np.argmax(bad)) + 1
         raise LimitsError(
             f"schedule: dwell time at node {node} is {dwell_s[node - 1]:g} s",
-            f"times must lie between 0 and {longest_s:.3g} s",
+            f"times must lie between 0 and {longest_s:.3g} s; ask for less removal or a lower --dwell-min-s",
         )
 
 

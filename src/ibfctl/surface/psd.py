@@ -46,13 +46,19 @@ def psd_along(height_nm: FloatArray, pixel_mm: float, coordinate: Literal["x", "
 
 
 def psd_radial(height_nm: FloatArray, pixel_mm: float) -> Spectrum:
-    """Density over both axes of a map (ny, nx), NaN where it holds no data, averaged in rings up to the corners."""
+    """Density over both axes of a map (ny, nx), NaN where it holds no data, averaged in rings up to the corners.
+
+    Rings are as fine as the longer side resolves up to the first wave over the shorter one, then as fine as the shorter
+    side: finer ones would hold its harmonics or miss them, in turn.
+    """
     filled, valid = _filled(height_nm)
     ny, nx = filled.shape
     density = np.abs(fft.rfft2(filled)) ** 2 * pixel_mm**2 / valid
     area = np.broadcast_to(_sides(nx) / (nx * ny * pixel_mm**2), density.shape)
     frequency = np.hypot(fft.rfftfreq(nx, pixel_mm), fft.fftfreq(ny, pixel_mm)[:, None])
-    ring = np.rint(frequency * max(nx, ny) * pixel_mm).astype(np.int64).ravel()
+    long, short = max(nx, ny), min(nx, ny)
+    fine, coarse = (np.rint(frequency * side * pixel_mm).astype(np.int64) for side in (long, short))
+    ring = np.where(coarse < 1, fine, long + coarse).ravel()
     weight, power, place = (
         np.bincount(ring, (values * area).ravel()).astype(np.float64)
         for values in (np.ones_like(density), density, frequency)

@@ -10,6 +10,8 @@ def test_a_run_that_ended_otherwise_has_an_exit_code_of_its_own(code: str, exit_
     assert failed({"code": code, "detail": "run", "hint": ""}, RunError).exit_code == exit_code
 
 
-def test_a_number_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["plan", "map.npz", "tif.npz", "--machine", "simulator", "--seconds-per-nm", "nan"]) == 2
-    assert "nan is no number" in capsys.readouterr().err
+@pytest.mark.parametrize("option", ["--seconds-per-nm", "--max-time", "--margin"])
+@pytest.mark.parametrize("number", ["nan", "inf"])
+def test_a_number_that_is_none(option: str, number: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", "map.npz", "tif.npz", "--machine", "simulator", option, number]) == 2
+    assert f"{number} is not a finite number" in capsys.readouterr().err

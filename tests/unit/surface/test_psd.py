@@ -68,6 +68,13 @@ def test_white_noise_has_the_same_density_everywhere_and_pixels_without_data_do_
         assert spectrum.density[middle].mean() == pytest.approx(expected, rel=0.03)
 
 
+def test_the_density_of_a_bow_on_a_long_strip_falls_from_ring_to_ring() -> None:
+    _, x_mm = PIXEL_MM * np.indices((40, 230))
+    spectrum = psd_radial((x_mm - x_mm.mean()) ** 2, PIXEL_MM)
+    within = spectrum.frequency_per_mm < 0.5 / PIXEL_MM
+    assert (np.diff(spectrum.density[within][1:]) < 0).all()
+
+
 def test_a_rim_without_data_changes_nothing() -> None:
     height_nm = RANDOM.normal(size=(30, 50))
     framed = np.pad(height_nm, 7, constant_values=np.nan)
