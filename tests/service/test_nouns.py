@@ -66,6 +66,27 @@ def test_from_a_map_to_a_run_that_is_over(
         assert say(noun, "list")["items"] == []
 
 
+def test_a_plan_of_several_tools_is_asked_for(
+    say: Say, small_job: SmallJob, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {"maps": str(small_job.map), "influences": TIF, "machines": str(small_job.machine)}
+    surface, influence, machine = (say(noun, "add", file)["id"] for noun, file in files.items())
+    tools = ("--tool", f"{influence}:machine={machine},pitch-mm=1.5,path=maze", "--tool", influence)
+    more = ("--method", "sto", "--tool-change-s", "30", "--set", "loop=false", "--set", "pitch_mm=1")
+    plan = say("plans", "create", surface, *tools, *more)
+    given = {name: value for name, value in plan["request"]["tools"][0].items() if value is not None}
+    assert given == {"influence_id": influence, "machine_id": machine, "pitch_mm": 1.5, "path": "maze"}
+    assert (plan["state"], plan["summary"]["method"], plan["summary"]["tool_change_s"]) == ("done", "sto", 30.0)
+    assert [tool["pitch_mm"] for tool in plan["summary"]["tools"]] == [1.5, 1.0]
+    assert run(["plans", "show", plan["id"]]) == 0
+    assert "slope RMS" in capsys.readouterr().out
+    written = tmp_path / "second.csv"
+    say("plans", "export", plan["id"], "--format", "pvt.csv", "--tool", "2", "-o", str(written))
+    assert written.read_text().count("\n") == plan["summary"]["tools"][1]["segments"] + 1
+    for wrong in (["--tool", f"{influence}:pitch-mm=-1"], [influence, *tools], []):
+        assert run(["plans", "create", surface, *wrong]) == 2
+
+
 def test_the_machine_is_moved_between_runs(say: Say, capsys: pytest.CaptureFixture[str]) -> None:
     assert "seen" not in say("machine", "status")
     say("machine", "home")

@@ -104,3 +104,22 @@ def test_a_factor_out_of_range_is_refused(served: httpx.Client) -> None:
     answer = served.post("/v1/plans", json=body)
     assert answer.status_code == 422
     assert "tikhonov" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("choices", "said"),
+    [
+        ({}, "either influence_id or tools"),
+        ({"influence_id": "y", "tools": [{"influence_id": "y"}]}, "either influence_id or tools"),
+        ({"tools": []}, "tools"),
+        ({"tools": [{"influence_id": "y"}], "trade_off": True}, "for one tool"),
+        ({"tools": [{"influence_id": "y", "pitch_mm": 0}]}, "tools.0.pitch_mm"),
+        ({"influence_id": "y", "margin": 0.1, "seconds_per_nm": 3}, "exclude each other"),
+    ],
+)
+def test_what_names_no_tool_or_contradicts_itself_is_refused(
+    client: httpx.Client, choices: dict[str, object], said: str
+) -> None:
+    answer = client.post("/v1/plans", json={"map_id": "x", **choices})
+    assert answer.status_code == 422
+    assert said in answer.json()["detail"]

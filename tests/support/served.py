@@ -34,6 +34,7 @@ def ended(client: httpx.Client, place: str) -> dict[str, Any]:
 def serving(settings: Settings) -> Iterator[httpx.Client]:
     server = Server(create_app(settings))
     with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # as `ibfctl serve` does
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="service")
         thread.start()
         try:

@@ -12,7 +12,8 @@ from ibfctl.cli.options import Decorator
 from ibfctl.cli.output import check_writable, print_json, print_lines
 from ibfctl.cli.progress import progress
 from ibfctl.cli.remote import failed, show, show_list, with_client
-from ibfctl.cli.words import plan_lines
+from ibfctl.cli.tool_options import ToolSpec, tool_options
+from ibfctl.cli.words import plan_lines, tool_table
 
 if TYPE_CHECKING:
     from ibfctl.client import Client
@@ -48,22 +49,34 @@ def command() -> None:
 
 @command.command()
 @click.argument("map_id")
-@click.argument("influence_id")
+@click.argument("influence_id", required=False)
 @click.option("--machine", metavar="ID", help="Machine to plan for; default: the service's own.")
+@tool_options
 @set_option
 @click.option("--wait/--no-wait", default=True, show_default=True, help="Wait for the result.")
 @with_client
 def create(
     client: Client,
     map_id: str,
-    influence_id: str,
+    influence_id: str | None,
     machine: str | None,
+    tools: tuple[ToolSpec, ...],
+    method: str,
+    tool_change_s: float,
     options: dict[str, Any],
     wait: bool,
     as_json: bool,
 ) -> None:
-    """Plan MAP_ID with INFLUENCE_ID, e.g. with --set pitch_mm=1 --set path=maze."""
-    plan = client.plans.create(map_id, influence_id, **options, **({"machine_id": machine} if machine else {}))
+    """Plan MAP_ID with INFLUENCE_ID, e.g. with --set pitch_mm=1 --set path=maze.
+
+    Instead of INFLUENCE_ID, --tool may name several, used one after the other: TIF and a machine are ids here.
+    """
+    if (influence_id is None) == (not tools):
+        raise click.UsageError("Give either INFLUENCE_ID or --tool.")
+    given: dict[str, Any] = {"machine_id": machine} if machine else {}
+    if tools:
+        given |= {"tools": [_tool(tool) for tool in tools], "method": method, "tool_change_s": tool_change_s}
+    plan = client.plans.create(map_id, influence_id, **options, **given)
     if wait:
         with progress() as report:
             plan = client.plans.wait(plan["id"], lambda told: report(told["stage"], told["fraction"]))
@@ -93,13 +106,19 @@ def show_plan(client: Client, identity: str, as_json: bool) -> None:
 @click.option(
     "--format", "form", type=click.Choice(list(_FORMATS)), default="h5", show_default=True, help="What to write."
 )
+@click.option("--tool", type=click.IntRange(min=1), help="Of several tools this one, from one, in their order.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File to write; default: beside you.")
 @with_client
-def export(client: Client, identity: str, form: str, output: Path | None, as_json: bool) -> None:
+def export(
+    client: Client, identity: str, form: str, tool: int | None, output: Path | None, as_json: bool
+) -> None:
     """Write a file of a plan: the plan itself, or an export for Galil's tools."""
-    path = output or Path(_FORMATS[form])
+    from ibfctl.jobs.plan_artefacts import of_tool
+
+    name = _FORMATS[form] if tool is None else of_tool(_FORMATS[form], tool)
+    path = output or Path(name)
     check_writable(path)
-    client.plans.download(identity, _FORMATS[form], path)
+    client.plans.download(identity, name, path)
     show({"written": str(path)}, as_json, "written")
 
 
@@ -120,6 +139,13 @@ def delete(client: Client, identity: str, as_json: bool) -> None:
     show({"id": identity}, as_json, "id")
 
 
+def _tool(tool: ToolSpec) -> dict[str, Any]:
+    """Make what the service is told of a tool."""
+    lengths = {key: tool.length_mm(key) for key in ("pitch-mm", "step-mm") if key in tool.choices}
+    choices = {"machine_id" if key == "machine" else key: value for key, value in (tool.choices | lengths).items()}
+    return {"influence_id": tool.influence, **{key.replace("-", "_"): value for key, value in choices.items()}}
+
+
 def _show(plan: Plan, as_json: bool) -> None:
     if as_json:
         print_json(plan)
@@ -132,3 +158,5 @@ def _show(plan: Plan, as_json: bool) -> None:
     if "error" in plan:
         lines.append(("error", f"{plan['error']['detail']}; {plan['error']['hint']}"))
     print_lines(lines)
+    if "tools" in plan.get("summary", {}):
+        click.echo("\n".join(tool_table(plan["summary"])))

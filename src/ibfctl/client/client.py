@@ -84,10 +84,10 @@ class Machines(Collection[Machine]):
 class Plans(Collection[Plan]):
     """Plans."""
 
-    def create(self, map_id: str, influence_id: str, **options: Any) -> Plan:
-        """Start planning; options as in docs/rest.md, e.g. ``pitch_mm=1.0``."""
-        body = {"map_id": map_id, "influence_id": influence_id, **options}
-        return cast(Plan, self._transport.ask("POST", self._place, json=body))
+    def create(self, map_id: str, influence_id: str | None = None, **options: Any) -> Plan:
+        """Start planning; options as in docs/rest.md, e.g. ``pitch_mm=1.0``, or ``tools=[..]`` instead of one tool."""
+        tool = {} if influence_id is None else {"influence_id": influence_id}
+        return cast(Plan, self._transport.ask("POST", self._place, json={"map_id": map_id, **tool, **options}))
 
     def cancel(self, identity: str) -> Plan:
         """Cancel the planning."""
@@ -116,6 +116,10 @@ class Runs(Collection[Run]):
     def resume(self, identity: str) -> Run:
         """Go on after a pause."""
         return self._act(identity, "resume")
+
+    def recover(self, identity: str) -> Run:
+        """Ask the controller again what a run has executed that did not end as planned."""
+        return self._act(identity, "recover")
 
     def stop(self, identity: str) -> Run:
         """Close the gate and decelerate to rest."""

@@ -121,6 +121,17 @@ class RunStatus(TypedDict, total=False):
     interlocks: dict[str, dict[str, Any]]
 
 
+class Recovered(TypedDict):
+    """What is known of a run whose worker has not told its end."""
+
+    can_resume: bool
+    why_not: NotRequired[str]
+    hint: NotRequired[str]
+    executed: NotRequired[list[tuple[int, int]]]
+    uncertainty_samples: NotRequired[int]
+    seam: NotRequired[int]
+
+
 class Run(Resource):
     """A run."""
 
@@ -130,7 +141,7 @@ class Run(Resource):
     operator: str
     status: NotRequired[RunStatus]
     figures: NotRequired[dict[str, Any]]
-    recovered: NotRequired[dict[str, Any]]
+    recovered: NotRequired[Recovered]
     error: NotRequired[Problem]
 
 

@@ -116,19 +116,26 @@ class State:
         """Return the path of the file that was uploaded for a resource."""
         return str(collection.path(identity, f"upload.{collection.read(identity)['format']}"))
 
-    def refuse_if_used(self, kind: str, identity: str, by: Collection, reference: str) -> None:
+    def refuse_if_used(self, kind: str, identity: str, by: Collection) -> None:
         """Refuse to delete what a plan or a run refers to."""
         for user in by.ids():
-            record = by.read(user)
-            if identity in (record.get(reference), record.get("request", {}).get(reference)):
+            if _refers(by.read(user), identity):
                 raise ServiceError(409, f"{kind}/{identity}: is used by {by.kind}/{user}", "delete that first")
 
 
-def _state(request: Request) -> State:
+def _refers(record: Any, identity: str) -> bool:
+    """Return whether an id stands anywhere in a record."""
+    if isinstance(record, Mapping):
+        return any(_refers(value, identity) for value in record.values())
+    return any(_refers(value, identity) for value in record) if isinstance(record, list) else record == identity
+
+
+# Not `async`, these two would each take every request to a thread and back.
+async def _state(request: Request) -> State:
     return cast(State, request.app.state.service)
 
 
-def _holder(request: Request) -> Holder:
+async def _holder(request: Request) -> Holder:
     return Holder.of(request.scope)
 
 

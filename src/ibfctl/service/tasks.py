@@ -24,7 +24,6 @@ from ibfctl.files import save_npz
 from ibfctl.jobs.inputs import InfluenceFile, MapFile
 
 Arguments = dict[str, Any]
-_NICENESS = 15
 
 
 def inspect_map(arguments: Arguments) -> Arguments:
@@ -63,25 +62,30 @@ def inspect_influence(arguments: Arguments) -> Arguments:
 
 
 def plan(arguments: Arguments) -> Arguments:
-    """Plan a job and write the plan; return its summary."""
+    """Plan a job, of one tool or of several, and write the plan; return its summary."""
     from ibfctl.jobs.plan_files import plan_files
+    from ibfctl.jobs.tool_files import ToolFile, plan_tool_files
     from ibfctl.planning.options import Aim, PlanOptions
 
-    os.nice(_NICENESS)
+    _let_others_go_first()
     options = dict(arguments["options"])
     options["clear_aperture"] = _region(options["clear_aperture"], Path(arguments["output"]).parent)
     options["placement"] = _placement(options["placement"])
     options["aim"] = Aim(**options["aim"])
-    made = plan_files(
-        MapFile(**arguments["map"]),
-        InfluenceFile(**arguments["influence"]),
-        Path(arguments["machine"]),
-        PlanOptions(**options),
-        Path(arguments["output"]),
-        on_progress=lambda stage, fraction: _print("progress", stage=stage, fraction=fraction),
-        cancelled=_parent_is_gone(),
-    )
-    return made.summary()
+    surface, chosen, output = MapFile(**arguments["map"]), PlanOptions(**options), Path(arguments["output"])
+    watched: Any = {
+        "on_progress": lambda stage, fraction: _print("progress", stage=stage, fraction=fraction),
+        "cancelled": _parent_is_gone(),
+    }
+    if "tools" not in arguments:
+        influence, machine = InfluenceFile(**arguments["influence"]), Path(arguments["machine"])
+        return plan_files(surface, influence, machine, chosen, output, **watched).summary()
+    tools = [
+        ToolFile(**{**tool, "influence": InfluenceFile(**tool["influence"]), "machine": Path(tool["machine"])})
+        for tool in arguments["tools"]
+    ]
+    method, tool_change_s = arguments["method"], arguments["tool_change_s"]
+    return plan_tool_files(surface, tools, chosen, output, method, tool_change_s, **watched).summary()
 
 
 def _region(given: Any, folder: Path) -> Any:
@@ -159,24 +163,9 @@ def preview_map(arguments: Arguments) -> Arguments:
 
 def plan_files_of(arguments: Arguments) -> Arguments:
     """Write exports, tables and pictures of a plan."""
-    from ibfctl.planning.file import read_plan
-    from ibfctl.report.exchange import FORMATS, write_exchange
-    from ibfctl.report.pictures import draw_plan
+    from ibfctl.jobs.plan_artefacts import write_artefacts
 
-    folder = Path(arguments["folder"])
-    made = read_plan(Path(arguments["plan"]))
-    for form in FORMATS:
-        write_exchange(made, form, f"ibfctl plan {folder.name}", folder / f"plan.{form}")
-    save_npz(folder / "dwell.npz", **dataclasses.asdict(made.dwell))
-    if made.prediction is not None and made.surface is not None:
-        save_npz(
-            folder / "residual.npz",
-            height_nm=made.prediction.executed_residual_nm,
-            pixel_mm=made.surface.pixel_mm,
-            x0_mm=made.surface.x0_mm,
-            y0_mm=made.surface.y0_mm,
-        )
-    draw_plan(made, folder)
+    write_artefacts(Path(arguments["plan"]), Path(arguments["folder"]))
     return {}
 
 
@@ -232,6 +221,11 @@ def _refuse_large(shape: tuple[int, ...], most: int) -> None:
     ny, nx = shape
     if nx * ny > most:
         raise InputError(f"{nx} x {ny} pixels are more than the {most} that this service takes", "crop or bin it")
+
+
+def _let_others_go_first() -> None:
+    """Use only time that nobody else wants: a niced process still holds a core for milliseconds that a run needs."""
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def _parent_is_gone() -> Callable[[], bool]:

@@ -72,5 +72,5 @@ async def show_influence(identity: Identity, service: Service) -> Record:
 async def delete_influence(identity: Identity, service: Service) -> None:
     """Delete an influence function that no plan refers to."""
     service.influences.read(identity)
-    service.refuse_if_used("influences", identity, service.plans, "influence_id")
+    service.refuse_if_used("influences", identity, service.plans)
     service.influences.delete(identity)

@@ -64,7 +64,7 @@ async def get_machine_file(identity: Identity, service: Service) -> FileResponse
 async def delete_machine(identity: Identity, service: Service) -> None:
     """Delete a machine file that no plan refers to."""
     service.machines.read(identity)
-    service.refuse_if_used("machines", identity, service.plans, "machine_id")
+    service.refuse_if_used("machines", identity, service.plans)
     service.machines.delete(identity)
 
 

@@ -57,5 +57,5 @@ async def preview_map(identity: Identity, service: Service) -> FileResponse:
 async def delete_map(identity: Identity, service: Service) -> None:
     """Delete a map that no plan refers to."""
     service.maps.read(identity)
-    service.refuse_if_used("maps", identity, service.plans, "map_id")
+    service.refuse_if_used("maps", identity, service.plans)
     service.maps.delete(identity)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from ibfctl.jobs.plan_artefacts import artefact_names
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.models import Page, PlanRecord
-from ibfctl.service.part import Aperture, MaskedAperture, Placing, Positive
+from ibfctl.service.part import MaskedAperture
+from ibfctl.service.plan_request import PlanRequest, ToolRequest
 from ibfctl.service.problems import ServiceError, problem
 from ibfctl.service.requests import (
     After,
@@ -29,87 +30,6 @@ from ibfctl.service.state import Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/plans", tags=["plans"])
-
-PlanFile = Literal[
-    "plan.h5",
-    "plan.csv",
-    "plan.pvt.csv",
-    "plan.pvt.dmc",
-    "plan.gcode",
-    "dwell.npz",
-    "residual.npz",
-    "map.png",
-    "dwell.png",
-    "velocities.png",
-    "psd.png",
-]
-_FILES: tuple[PlanFile, ...] = get_args(PlanFile)
-
-
-_EXAMPLE: dict[str, Any] = {
-    "map_id": "019ab2c4d5e6f708",
-    "influence_id": "019ab2c4d5e6f709",
-    "pitch_mm": 1.0,
-    "max_residual_nm": 0.5,
-}
-
-
-class PlanRequest(BaseModel):
-    """What to plan; options as those of `ibfctl plan`."""
-
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [_EXAMPLE]})
-
-    map_id: str
-    influence_id: str
-    machine_id: Annotated[str | None, Field(description="Machine to plan for; default: the service's own.")] = None
-    path: Literal["raster", "maze", "spiral", "random"] = "raster"
-    inside_out: Annotated[bool, Field(description="A spiral starts in the middle.")] = False
-    seed: Annotated[int, Field(ge=0)] = 0
-    pitch_mm: Annotated[
-        Positive | None, Field(description="Distance between lines; default: a quarter of the tool's full width.")
-    ] = None
-    step_mm: Annotated[Positive | None, Field(description="Between nodes on a line; default: the pitch.")] = None
-    scan_axis: Literal["x", "y"] = "x"
-    clear_aperture_mm: Annotated[
-        Aperture | None,
-        Field(description="x0, x1, y0, y1, or a circle, a polygon or a mask; default: the whole map."),
-    ] = None
-    remove: Annotated[
-        str, Field(pattern=r"^(none|piston|tilt|power|legendre:[0-8]|zernike:([1-9]|[123]\d|4[0-5]))$")
-    ] = "tilt"
-    extra_removal_nm: Annotated[Positive | None, Field(description="Depth that every place must lose.")] = None
-    placement: Annotated[
-        Placing | None, Field(description="How the part stands on the machine; default: in its coordinates.")
-    ] = None
-    dwell_min_s: Positive | None = None
-    v_min_mm_s: Annotated[
-        Positive | None, Field(description="Slowest mean speed over a step: an upper bound of every dwell time.")
-    ] = None
-    dwell_bounds: Annotated[
-        Literal["machine", "ramp"],
-        Field(description="Shortest times of the machine, or also the bounds of linear ramps."),
-    ] = "machine"
-    corridor_mm: Positive | None = None
-    corner_tolerance_mm: Annotated[
-        Positive | None, Field(description="Round corners, leaving the programmed path by no more.")
-    ] = None
-    loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
-    margin: Annotated[
-        float | None, Field(ge=0, le=10, description="Share of the residual given for time; default: 0.01.")
-    ] = None
-    max_time_s: Annotated[Positive | None, Field(description="The best residual within this run time.")] = None
-    max_residual_nm: Annotated[Positive | None, Field(description="The shortest run to this residual, RMS.")] = None
-
-    tikhonov: Annotated[float, Field(ge=0, le=1, description="Relative to the largest eigenvalue.")] = 1e-8
-    l_curve: Annotated[bool, Field(description="Find the Tikhonov factor by the L-curve.")] = False
-    trade_off: Annotated[bool, Field(description="Add the curve of residual against time.")] = False
-
-    @model_validator(mode="after")
-    def _one_aim(self) -> Self:
-        if sum(aim is not None for aim in (self.margin, self.max_time_s, self.max_residual_nm)) > 1:
-            raise ValueError("margin, max_time_s and max_residual_nm exclude each other")
-        return self
-
 
 @router.post(
     "", status_code=202, response_model=PlanRecord, response_model_exclude_none=True, responses=refusals(404, 409)
@@ -157,10 +77,13 @@ async def cancel_plan(identity: Identity, service: Service) -> Record:
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
-async def get_plan_file(identity: Identity, name: Annotated[PlanFile, FileName], service: Service) -> FileResponse:
-    """Download a file of a plan: the plan itself, exports for Galil's tool, tables, pictures."""
-    if service.plans.read(identity)["state"] != "done":
+async def get_plan_file(identity: Identity, name: Annotated[str, FileName], service: Service) -> FileResponse:
+    """Download a file of a plan: the plan itself, exports for Galil's tool, tables, pictures, of every tool."""
+    record = service.plans.read(identity)
+    if record["state"] != "done":
         raise ServiceError(409, f"plans/{identity}: is not done", "wait until its state is done")
+    if name not in _files_of(record):
+        raise ServiceError(404, f"plans/{identity}: has no file of this name", "its links name those that it has")
     plan = str(service.plans.path(identity, "plan.h5"))
     return await file_on_demand(service.plans, identity, name, "plan-files", {"plan": plan})
 
@@ -170,35 +93,76 @@ async def delete_plan(identity: Identity, service: Service) -> None:
     """Delete a plan that is over and that no run refers to."""
     if service.plans.read(identity)["state"] in ("queued", "running"):
         raise ServiceError(409, f"plans/{identity}: is being solved", "cancel it first")
-    service.refuse_if_used("plans", identity, service.runs, "plan_id")
+    service.refuse_if_used("plans", identity, service.runs)
     service.plans.delete(identity)
 
 
 def _shown(service: State, record: Record) -> Record:
-    shown = linked(service.plans, record, _FILES if record["state"] == "done" else ())
+    shown = linked(service.plans, record, _files_of(record) if record["state"] == "done" else ())
     return {**shown, "progress": service.progress.get(record["id"])}
+
+
+def _files_of(record: Record) -> tuple[str, ...]:
+    return artefact_names(len(record["request"].get("tools") or [None]))
 
 
 def _arguments(request: PlanRequest, service: State) -> dict[str, Any]:
     """Return the arguments of the task that solves a plan, without its output."""
-    surface, influence = service.maps.read(request.map_id), service.influences.read(request.influence_id)
-    aim = {"margin", "max_time_s", "max_residual_nm"}
-    options = request.model_dump(exclude={"map_id", "influence_id", "machine_id", *aim})
+    surface = service.maps.read(request.map_id)
+    what = {"map_id", "influence_id", "tools", "method", "tool_change_s", "machine_id"}
+    aim = {"margin", "max_time_s", "max_residual_nm", "seconds_per_nm"}
+    options = request.model_dump(exclude={*what, *aim})
     aperture = options.pop("clear_aperture_mm")
     if isinstance(request.clear_aperture_mm, MaskedAperture):
         mask = service.maps.read(request.clear_aperture_mm.mask_id)
         aperture = {"mask": {"path": service.upload_of(service.maps, mask["id"]), **mask["given"]}}
-    tool = influence.get("formula") or service.upload_of(service.influences, influence["id"])
-    return {
+    arguments = {
         "map": {"path": service.upload_of(service.maps, surface["id"]), **surface["given"]},
-        "influence": {"spec": tool, **influence["given"]},
-        "machine": str(machine_of(service, request.machine_id)),
         "options": {
             **options,
             "clear_aperture": aperture,
             "aim": request.model_dump(include=aim, exclude_none=True),
         },
     }
+    if request.tools is None:
+        tool = {"influence": _influence(service, request.influence_id or "")}
+        return {**arguments, **tool, "machine": str(machine_of(service, request.machine_id))}
+    tools = [_tool(service, tool, request) for tool in request.tools]
+    return {**arguments, "tools": tools, "method": request.method, "tool_change_s": request.tool_change_s}
+
+
+def _influence(service: State, identity: str) -> dict[str, Any]:
+    influence = service.influences.read(identity)
+    return {
+        "spec": influence.get("formula") or service.upload_of(service.influences, influence["id"]),
+        **influence["given"],
+    }
+
+
+def _tool(service: State, tool: ToolRequest, request: PlanRequest) -> dict[str, Any]:
+    return {
+        **tool.model_dump(exclude={"influence_id", "machine_id"}),
+        "influence": _influence(service, tool.influence_id),
+        "machine": str(machine_of(service, tool.machine_id or request.machine_id)),
+    }
+
+
+def machine_of_plan(service: State, plan: Record) -> Path:
+    """Return the path of the machine file of a plan, on which it is run.
+
+    Raises
+    ------
+    ServiceError
+        If its tools are for different machines.
+    """
+    request = plan["request"]
+    tools = request.get("tools") or [request]
+    machines = {machine_of(service, tool["machine_id"] or request["machine_id"]) for tool in tools}
+    if len(machines) > 1:
+        raise ServiceError(
+            409, f"plans/{plan['id']}: its tools are for several machines", "run the plan file of each tool on its own"
+        )
+    return machines.pop()
 
 
 def machine_of(service: State, identity: str | None) -> Path:

@@ -27,7 +27,7 @@ from ibfctl.service.requests import (
     page,
     refusals,
 )
-from ibfctl.service.routers.plans import machine_of
+from ibfctl.service.routers.plans import machine_of_plan
 from ibfctl.service.state import Asking, Service, State
 from ibfctl.service.store import Record, fingerprint_of
 
@@ -162,7 +162,30 @@ async def confirm_run(identity: Identity, service: Service, asking: Asking) -> R
 @router.post("/{identity}/interlock", **_ACT)
 async def push_interlock(identity: Identity, request: InterlockRequest, service: Service, asking: Asking) -> Record:
     """Push the value of an interlock, e.g. the beam current; out of its band the run pauses with the gate closed."""
+    service.runs.read(identity)
+    pushed = service.fleet.pushed_interlocks(identity)
+    if request.name not in pushed:
+        known = f"those of its machine are {', '.join(pushed)}" if pushed else "its machine file has none"
+        raise ServiceError(
+            422, f"runs/{identity}: {request.name!r} is no interlock that takes a pushed value", known, "bad_input"
+        )
     return _pass_on(service, identity, asking, {"act": "interlock", **request.model_dump()})
+
+
+@router.post("/{identity}/recover", **_ACT)
+async def recover_run(identity: Identity, service: Service) -> Record:
+    """Ask the controller again what a run has executed that did not end as planned, with the gate closed and at rest.
+
+    The service does so by itself when a worker has died; this is for when the controller could not be reached then.
+    """
+    record = service.runs.read(identity)
+    state = service.fleet.state(identity)
+    if state not in AT_REST - {RunState.COMPLETED}:
+        raise ServiceError(409, f"runs/{identity}: is {state}", "only a run that ended otherwise than as planned is")
+    async with service.starting_run:
+        _refuse_if_busy(service, service.plans.read(record["plan_id"]))
+        await service.fleet.recover(identity)
+    return _shown(service, service.runs.read(identity))
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
@@ -237,7 +260,7 @@ async def _start(request: RunRequest, service: State, asking: Holder) -> Record:
 
 def _refuse_if_busy(service: State, plan: Record) -> Path:
     """Return the machine file of a plan, unless something moves on that machine."""
-    machine = machine_of(service, plan["request"]["machine_id"])
+    machine = machine_of_plan(service, plan)
     living = service.fleet.living
     busy = [run for run in living if service.settings.simulate or _machine_of_run(service, run) == machine]
     if busy:
@@ -249,4 +272,4 @@ def _refuse_if_busy(service: State, plan: Record) -> Path:
 
 def _machine_of_run(service: State, run: str) -> Path:
     plan = service.plans.read(service.runs.read(run)["plan_id"])
-    return machine_of(service, plan["request"]["machine_id"])
+    return machine_of_plan(service, plan)
