@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from ibfctl.cli.options import POSITIVE
+from ibfctl.cli.options import POSITIVE, json_option
+from ibfctl.cli.output import print_json
 from ibfctl.errors import InputError
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
@@ -33,7 +34,8 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 )
 @click.option("--tls-certificate", type=_FILE, help="Certificate chain (PEM): serve HTTPS.")
 @click.option("--tls-key", type=_FILE, help="The certificate's key (PEM).")
-def command(config: Path | None, **options: Any) -> None:
+@json_option
+def command(config: Path | None, as_json: bool, **options: Any) -> None:
     """Serve maps, plans and runs over REST: to this computer alone, or by keys."""
     from ibfctl.service.config import read_config
     from ibfctl.service.sole import sole_service
@@ -42,15 +44,22 @@ def command(config: Path | None, **options: Any) -> None:
     settings = told.settings()
     with _listen(told.host, told.port, has_keys=_has_keys(settings.data)) as listener, sole_service(settings.data):
         from ibfctl.machine.description import read_machine
+        from ibfctl.runs.promptness import ready_to_answer_soon
         from ibfctl.service.app import create_app
         from ibfctl.service.server import Server
 
         read_machine(settings.machine)
         shown, bound = listener.getsockname()[:2]
         scheme = "http" if told.tls_certificate is None else "https"
-        click.echo(f"serving on {scheme}://{shown}:{bound}, data in {settings.data}", err=True)
+        url = f"{scheme}://{shown}:{bound}"
+        click.echo(f"serving on {url}, data in {settings.data}", err=True)
+        if as_json:
+            print_json({"url": url, "data": str(settings.data)})
+        app = create_app(settings)
+        app.openapi()  # every request is checked against it
+        ready_to_answer_soon()
         tls = [None if path is None else str(path) for path in (told.tls_certificate, told.tls_key)]
-        Server(create_app(settings), *tls).run(sockets=[listener])
+        Server(app, *tls).run(sockets=[listener])
 
 
 def _has_keys(data: Path) -> bool:

@@ -27,6 +27,7 @@ from ibfctl.runs.journal import Journal
 from ibfctl.runs.leg import end_of
 from ibfctl.runs.lock import MachineLock
 from ibfctl.runs.places import SIDE, journal_beside
+from ibfctl.runs.promptness import ready_to_answer_soon
 from ibfctl.runs.recorder import JournalWriter, absorb
 from ibfctl.runs.records import record_result
 from ibfctl.runs.recovery import recover_own
@@ -158,6 +159,7 @@ class Worker:
                 self._report("state", {"state": RunState.PREFLIGHT if resume_at is None else RunState.RESUMING})
             controller = connect(machine, self._wire)
             resources.callback(controller.close)
+            ready_to_answer_soon()
             result = conduct(
                 self._mounted.plan,
                 machine,
