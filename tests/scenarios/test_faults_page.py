@@ -26,6 +26,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         "contract/driver/test_recovery.py::test_what_a_killed_worker_has_executed",
         "service/test_runs.py::test_a_run_whose_worker_was_killed",
     ),
+    "the worker hangs": ("service/test_silence.py::test_a_worker_that_hangs",),
     "the service is killed": (
         "contract/driver/test_recovery.py::test_whenever_a_worker_or_a_service_is_killed",
         "service/test_runs.py::test_a_run_outlives_the_service",

@@ -94,6 +94,7 @@ def test_acts_that_do_not_fit_the_state_are_refused(plan_id: str, client: httpx.
     refusal = client.post(f"{place}/resume")
     assert (refusal.status_code, refusal.json()["code"]) == (409, "conflict")
     assert client.delete(place).status_code == 409
+    assert client.post(f"{place}/recover").status_code == 409
     assert client.post(f"{place}/stop").status_code == 202
     ended(client, place)
     assert client.post(f"{place}/stop").status_code == 202  # over is over
@@ -127,12 +128,32 @@ def test_a_run_whose_worker_was_killed_is_made_safe_and_resumed(plan_id: str, se
             time.sleep(0.05)
         assert run["recovered"]["can_resume"], run["recovered"]
         assert run["recovered"]["executed"]
+        assert (run["status"]["gate"], "ibfctl runs resume" in run["error"]["hint"]) == ("closed", True)
+        again = client.post(f"{place}/recover")
+        assert (again.status_code, again.json()["recovered"]) == (202, run["recovered"]), again.text
         answer = client.post(f"{place}/resume")
         assert answer.status_code == 202, answer.text
         assert answer.json()["state"] == "resuming"
         _until(client, place, lambda record: record["state"] == "running")
         client.post(f"{place}/abort")
         assert ended(client, place)["state"] == "aborted"
+
+
+def test_an_interlock_is_pushed_by_its_name(settings: Settings, plan_id: str, client: httpx.Client) -> None:
+    place = _started(client, plan_id)
+    machine = run_folder(settings.data, place.rpartition("/")[2]) / "machine.toml"
+    push = {"name": "beam_currant", "value": 1.2}
+    refusal = client.post(f"{place}/interlock", json=push)
+    assert (refusal.status_code, refusal.json()["hint"]) == (422, "its machine file has none")
+    interlock = '[[interlocks]]\nname = "beam_current"\nsource = "pushed"\nmin = 1.0\nmax = 2.0\n'
+    text = machine.read_text() + interlock
+    machine.unlink()
+    machine.write_text(text)
+    refusal = client.post(f"{place}/interlock", json=push)
+    assert (refusal.status_code, refusal.json()["hint"]) == (422, "those of its machine are beam_current")
+    assert client.post(f"{place}/interlock", json={**push, "name": "beam_current"}).status_code == 202
+    client.post(f"{place}/abort")
+    ended(client, place)
 
 
 def test_a_slow_listener_holds_nobody_up(settings: Settings, plan_id: str) -> None:

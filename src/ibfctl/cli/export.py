@@ -7,7 +7,8 @@ from typing import Literal, cast
 
 import click
 
-from ibfctl.cli.output import check_writable
+from ibfctl.cli.options import json_option
+from ibfctl.cli.output import check_writable, print_json
 
 _FORMATS = ("csv", "pvt.csv", "pvt.dmc", "gcode")
 
@@ -26,7 +27,10 @@ _FORMATS = ("csv", "pvt.csv", "pvt.dmc", "gcode")
     show_default=True,
     help="What the map shows: predicted by a plan, as run by a run.",
 )
-def command(source: Path, form: str | None, output: Path | None, map_file: Path | None, quantity: str) -> None:
+@json_option
+def command(
+    source: Path, form: str | None, output: Path | None, map_file: Path | None, quantity: str, as_json: bool
+) -> None:
     """Write the program of a plan as text, or a map of a plan or a run for other programs.
 
     Programs have positions in counts, velocities in counts/s, times in samples; maps have heights in nm.
@@ -39,7 +43,10 @@ def command(source: Path, form: str | None, output: Path | None, map_file: Path 
     else:
         written = cast(Path, map_file)
         _write_map(source, cast(Literal["residual", "removal"], quantity), written)
-    click.echo(f"written  {written}")
+    if as_json:
+        print_json({"written": str(written)})
+    else:
+        click.echo(f"written  {written}")
 
 
 def _write_program(source: Path, form: str, output: Path) -> None:

@@ -15,7 +15,7 @@ from ibfctl.errors import RunError
 
 if TYPE_CHECKING:
     from ibfctl.client import Client
-    from ibfctl.client.records import Run
+    from ibfctl.client.records import Recovered, Run
 
 run_argument: Decorator = click.argument("identity", metavar="[ID]", required=False)
 _FILES = ("run.h5", "residual.npz", "residuals.png")
@@ -79,6 +79,14 @@ def pause(client: Client, identity: str | None, now: bool, as_json: bool) -> Non
 def resume(client: Client, identity: str | None, as_json: bool) -> None:
     """Go on after a pause."""
     _told(client.runs.resume(the_run(client, identity)), "resume", as_json)
+
+
+@command.command()
+@click.argument("identity", metavar="ID")
+@with_client
+def recover(client: Client, identity: str, as_json: bool) -> None:
+    """Close the gate, and ask the controller again what a run has executed that did not end as planned."""
+    _show(client.runs.recover(identity), as_json)
 
 
 @command.command()
@@ -167,5 +175,18 @@ def _show(run: Run, as_json: bool) -> None:
         return
     lines = [("id", run["id"]), ("plan", run["plan_id"]), ("operator", run["operator"])]
     lines.append(("status", describe(run.get("status") or {"state": run["state"]})))
+    if "recovered" in run:
+        lines.append(("recovered", _recovered(run["recovered"])))
     lines += [(name.replace("_", " "), f"{value:.6g}") for name, value in run.get("figures", {}).items()]
     print_lines(lines)
+
+
+def _recovered(found: Recovered) -> str:
+    """Say in one line what is known of a run that its worker has not told the end of."""
+    executed = " and ".join(f"{first} to {last}" for first, last in found.get("executed", [])) or "none"
+    text = f"executed with the gate open: {executed} samples of the plan"
+    if found.get("uncertainty_samples"):
+        text += f", perhaps {found['uncertainty_samples']} more"
+    if found["can_resume"]:
+        return f"{text}; it can be resumed"
+    return f"{text}; {found.get('why_not', '')}; {found.get('hint', '')}".rstrip("; ")

@@ -80,12 +80,16 @@ def suggest(
 
 @command.command()
 @click.argument("plan_file", metavar="PLAN.h5", type=click.Path(path_type=Path))
-def split(plan_file: Path) -> None:
+@json_option
+def split(plan_file: Path, as_json: bool) -> None:
     """Write the plan of every tool of PLAN.h5 as an ordinary plan file beside it, to be run by itself."""
     from ibfctl.jobs.tool_runs import split_file
 
-    for path in split_file(plan_file):
-        click.echo(f"written  {path}")
+    written = [str(path) for path in split_file(plan_file)]
+    if as_json:
+        print_json({"written": written})
+    else:
+        click.echo("\n".join(f"written  {path}" for path in written))
 
 
 @command.command()

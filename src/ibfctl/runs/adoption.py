@@ -6,7 +6,9 @@ A worker lives as long as the lock of its folder is held: a process id may belon
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ibfctl.runs import status
 from ibfctl.runs.journal import Journal
@@ -59,9 +61,26 @@ def interrupt_orphans(data: Path) -> list[Path]:
                 check(state, RunState.INTERRUPTED)
                 journal.append(folder.name, "state", {"state": RunState.INTERRUPTED, "was": state, "reason": REASON})
                 # What the worker said of the gate holds no more.
-                status.amend(folder, state=RunState.INTERRUPTED, reason=REASON, gate="unknown")
+                hint = f"`ibfctl runs recover {folder.name}` closes the gate and asks the controller what was executed"
+                status.amend(folder, state=RunState.INTERRUPTED, reason=REASON, hint=hint, gate="unknown")
                 interrupted.append(folder)
             finally:
                 os.close(lock)
     return interrupted
 
+
+def end_orphan(folder: Path, state: RunState, told: Mapping[str, Any]) -> None:
+    """Note how a run has ended whose worker was ended from outside; one that was over stays as it is.
+
+    Parameters
+    ----------
+    told
+        Why: `code`, `reason` and `hint`, and what else the status is to show.
+    """
+    with Journal.open(journal_path(folder.parent.parent)) as journal:
+        absorb(journal, folder / SIDE)
+        last = last_state(journal, folder.name)
+        if last not in TERMINAL:
+            check(last, state)
+            journal.append(folder.name, "state", {"state": state, "was": last, **told})
+            status.amend(folder, state=state, **told)

@@ -14,6 +14,8 @@ from typing import Any
 from ibfctl.errors import RunError
 from ibfctl.runs.places import CONTROL
 
+URGENT = ("abort", "estop")
+"""Acts that wait for nobody, and that nobody is kept from."""
 _MODE = 0o600
 Act = Mapping[str, Any]
 

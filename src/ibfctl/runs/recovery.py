@@ -92,7 +92,9 @@ def recover(folder: Path, connect: Connect = drivers.connect) -> Recovered:
         raise RunError(f"run {folder.name} has a worker: it is not interrupted", "wait for its end, or stop it")
     try:
         found = recover_own(folder, connect)
-        status.amend(folder, gate="closed")
+        told = {"hint": found.hint or f"`ibfctl runs resume {folder.name}` goes on where it was"}
+        interrupted = (status.read(folder) or {}).get("state") == RunState.INTERRUPTED
+        status.amend(folder, gate="closed", **(told if interrupted else {}))
     finally:
         os.close(lock)
     return found

@@ -51,6 +51,10 @@ class Child:
         assert self._process.stdin is not None  # made with a pipe
         self._process.stdin.close()
 
+    def kill(self) -> None:
+        """End a child that does not end by itself."""
+        self._process.kill()
+
     async def last_event(self, on_progress: Callable[[Event], None]) -> Event:
         """Pass on events until the last one, ``finished`` or ``failed``, and return it once the child is gone.
 

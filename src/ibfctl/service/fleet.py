@@ -14,19 +14,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ibfctl.errors import RunError
+from ibfctl.errors import IbfctlError, RunError
+from ibfctl.machine.description import read_machine
 from ibfctl.runs import status
-from ibfctl.runs.adoption import REASON, has_worker, interrupt_orphans, last_state
-from ibfctl.runs.control import send
+from ibfctl.runs.adoption import REASON, end_orphan, has_worker, interrupt_orphans, last_state
+from ibfctl.runs.control import URGENT, send
 from ibfctl.runs.job import Job, prepare
 from ibfctl.runs.journal import Event, Journal
 from ibfctl.runs.launch import let_go, start_worker
-from ibfctl.runs.places import RUN, run_folder
+from ibfctl.runs.places import MACHINE, RUN, run_folder
 from ibfctl.runs.states import TERMINAL, RunState
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.events import UNSHOWN, Events
 from ibfctl.service.problems import ServiceError, problem
-from ibfctl.service.store import Collection
+from ibfctl.service.rescue import (
+    HEARD_S,
+    LAST_S,
+    act_without,
+    is_true_within,
+    kill_worker,
+    request_for_run,
+)
+from ibfctl.service.store import Collection, new_identity
 
 TICK_S = 0.1
 SETTLING_S = 10.0
@@ -46,6 +55,7 @@ class _Living:
     process: subprocess.Popen[bytes] | None = None
     status: dict[str, Any] = field(default_factory=dict)
     closing: bool = False
+    urged: set[str] = field(default_factory=set)
 
 
 class Fleet:
@@ -126,14 +136,38 @@ class Fleet:
         self._runs.update(run, state=RunState.RESUMING, recovered=event["figures"])
         self._living[run] = _Living(folder)
 
+    async def recover(self, run: str) -> None:
+        """Find out what a run without a worker has executed, and note it.
+
+        Raises
+        ------
+        ServiceError
+            If the machine cannot be asked.
+        """
+        folder = run_folder(self._data, run)
+        event = await _task("recover-run", {"folder": str(folder)})
+        if event["event"] == "failed":
+            raise ServiceError(409, event["message"], event["hint"], event["code"])
+        told = {"recovered": event["figures"], "status": status.read(folder)}
+        self._runs.update(run, **told, **await _figures(folder))
+
+    def pushed_interlocks(self, run: str) -> list[str]:
+        """Return the names of the interlocks of a run whose values are pushed."""
+        machine = read_machine(run_folder(self._data, run) / MACHINE)
+        return [interlock.name for interlock in machine.interlocks if interlock.kind == "pushed"]
+
     def act(self, run: str, act: Mapping[str, Any]) -> None:
-        """Hand an act to the worker of a run.
+        """Hand an act to the worker of a run; an abort and an emergency stop are seen to, whether it acts or not.
 
         Raises
         ------
         RunError
             If no worker lives.
         """
+        living, name = self._living.get(run), act["act"]
+        if living is not None and name in URGENT and name not in living.urged:
+            living.urged.add(name)
+            self._beside(self._see_to(run, living, name))
         send(run_folder(self._data, run), act)
 
     def let_go(self) -> None:
@@ -169,27 +203,59 @@ class Fleet:
                 told.append(now)
         return self._journal.events(self._events.last_id, without=UNSHOWN), told, gone
 
-    async def _close_books(self, run: str) -> None:
-        """Note how a run has ended, with the figures that it has left."""
+    async def _see_to(self, run: str, living: _Living, act: str) -> None:
+        """Reach the controller without a worker that does not act, and end it if it still does not."""
+
+        def ended() -> bool:
+            return living.closing or RunState(living.status.get("state", RunState.QUEUED)) in AT_REST
+
+        if await is_true_within(ended, HEARD_S):
+            return
+        folder = living.folder
+        request = request_for_run(act, folder)
+        safe, told = await act_without("the worker", act, self._data / "acts" / new_identity(), request)
+        await asyncio.to_thread(self._journal.append, run, "fault", told)
+        if await is_true_within(ended, LAST_S) or act != max(living.urged):  # an e-stop outweighs an abort
+            return
+        living.closing = True  # from here on its books are closed here
+        try:
+            kill_worker(folder)
+        except IbfctlError as error:
+            living.closing = False
+            _log.error("%s", error)
+            return
+        await is_true_within(lambda: not has_worker(folder), HEARD_S)
+        state = RunState.ESTOPPED if act == "estop" else RunState.ABORTED
+        shown = {"code": told["code"], "reason": told["message"], "hint": told["hint"]}
+        await asyncio.to_thread(end_orphan, folder, state, {**shown, "gate": "closed" if safe else "unknown"})
+        await self._close_books(run, abandoned=True)
+
+    async def _close_books(self, run: str, *, abandoned: bool = False) -> None:
+        """Note how a run has ended, with the figures that it has left; one that was abandoned has told nothing."""
         await asyncio.to_thread(interrupt_orphans, self._data)
         folder = run_folder(self._data, run)
         state = last_state(self._journal, run)
         if state is RunState.QUEUED:  # its worker has died before it could begin
             state = RunState.INTERRUPTED
             self._journal.append(run, "state", {"state": state, "reason": REASON})
-        changes: dict[str, Any] = {"state": state, "status": status.read(folder)}
-        if state is RunState.INTERRUPTED:  # whatever else: the gate must be closed
+        changes: dict[str, Any] = {"state": state}
+        if abandoned or state is RunState.INTERRUPTED:  # whatever else: the gate must be closed
             event = await _task("recover-run", {"folder": str(folder)})
             changes["recovered"] = event.get("figures") or {"can_resume": False, "why_not": event["message"]}
-        if (folder / RUN).is_file():
-            event = await _task("run-report", {"run": str(folder / RUN)})
-            if event["event"] == "finished":
-                changes["figures"] = event["figures"]
-        self._runs.update(run, **changes)
+        self._runs.update(run, **changes, status=status.read(folder), **await _figures(folder))
         process = self._living.pop(run).process
         self._events.forget(run)
         if process is not None:
             await asyncio.to_thread(process.wait)
+
+
+async def _figures(folder: Path) -> dict[str, Any]:
+    """Return the figures of the run in a folder as a field of its record, if it has left any."""
+    if (folder / RUN).is_file():
+        event = await _task("run-report", {"run": str(folder / RUN)})
+        if event["event"] == "finished":
+            return {"figures": event["figures"]}
+    return {}
 
 
 async def _task(name: str, arguments: dict[str, Any]) -> dict[str, Any]:

@@ -21,13 +21,13 @@ from pydantic import BaseModel, ConfigDict
 from ibfctl.errors import AbortedError, ControllerError, IbfctlError, LimitsError, RunError
 from ibfctl.machine.controller import MotionController
 from ibfctl.machine.description import MachineDescription, read_machine
-from ibfctl.runs.control import ControlReader, open_pipe
+from ibfctl.runs.control import URGENT, ControlReader, open_pipe
 from ibfctl.runs.drivers import connect
 from ibfctl.runs.job import Address
 from ibfctl.runs.lock import MachineLock
 from ibfctl.runs.preflight import check_clock
 
-Name = Literal["connect", "home", "move", "gate-test", "estop"]
+Name = Literal["connect", "home", "move", "gate-test", "abort", "estop"]
 Figures = dict[str, Any]
 
 
@@ -135,6 +135,12 @@ def prove_gate(act: Act, machine: MachineDescription, controller: MotionControll
     return look(act, machine, controller)
 
 
+def stop_all(act: Act, machine: MachineDescription, controller: MotionController) -> Figures:
+    """Close the gate and stop everything at once."""
+    controller.abort()
+    return look(act, machine, controller)
+
+
 def stop_in_emergency(act: Act, machine: MachineDescription, controller: MotionController) -> Figures:
     """Close the gate, stop everything, switch the motors off, latch that."""
     controller.estop()
@@ -146,6 +152,7 @@ ACTS: Mapping[str, Callable[[Act, MachineDescription, MotionController], Figures
     "home": home,
     "move": move,
     "gate-test": prove_gate,
+    "abort": stop_all,
     "estop": stop_in_emergency,
 }
 
@@ -157,7 +164,7 @@ def main() -> int:
     try:
         with ExitStack() as resources:
             machine = act.machine_here()
-            if act.name != "estop":  # an emergency waits for nobody
+            if act.name not in URGENT:  # an emergency waits for nobody
                 resources.enter_context(MachineLock(machine, f"machine act {act.name}"))
             controller = connect(machine)
             resources.callback(controller.close)

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 from ibfctl.errors import RunError
-from ibfctl.runs.control import open_pipe, send
+from ibfctl.runs.control import URGENT, send
 from ibfctl.runs.emulator import EmulatedController
 from ibfctl.runs.states import RunState
 from ibfctl.service.access import Holder
 from ibfctl.service.children import Child
 from ibfctl.service.fleet import Beside, Fleet
 from ibfctl.service.problems import ServiceError, problem
+from ibfctl.service.rescue import HEARD_S, act_without, carry_out, is_true_within
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import new_identity
 
-MODULE = "ibfctl.service.machine_acts"
 ACTS = "acts"
 """Folder of the data folder; `ibfctl abort` looks into it as well."""
 
@@ -45,6 +44,9 @@ class MachineDesk:
         self._folder = settings.data / ACTS
         shutil.rmtree(self._folder, ignore_errors=True)
         self.emulated: EmulatedController | None = None
+        self._request: Shown = {}
+        self._child: Child | None = None
+        self._silent: Shown | None = None
         self.act: Shown | None = None
         self.seen: Shown | None = None
 
@@ -74,27 +76,41 @@ class MachineDesk:
         identity = new_identity()
         begun = datetime.now(UTC).isoformat(timespec="milliseconds")
         self.act = {"id": identity, "name": name, "state": "running", "begun": begun, "operator": holder.name}
+        self._request, self._child, self._silent = request, None, None
         self._beside(self._do(identity, request))
 
     def tell(self, act: str, holder: Holder) -> list[str]:
         """Tell an act that is under way to abort or to stop in an emergency; return which was told."""
         if self.act is None or not self.busy:
             return []
+        identity = self.act["id"]
+        if act in URGENT:
+            self._beside(self._see_to(identity, act))
         with contextlib.suppress(RunError):
-            send(self._folder / self.act["id"], {"act": act, "key": holder.key, "by": holder.name})
-            return [self.act["id"]]
+            send(self._folder / identity, {"act": act, "key": holder.key, "by": holder.name})
+            return [identity]
         return []
 
+    async def _see_to(self, identity: str, act: str) -> None:
+        """Reach the controller without a process that does not end when it is told, and end that."""
+
+        def ended() -> bool:
+            return self.act is None or self.act["id"] != identity or not self.busy
+
+        if await is_true_within(ended, HEARD_S):
+            return
+        _, told = await act_without("the act's process", act, self._folder / new_identity(), self._request)
+        self._silent = told
+        if self._child is not None and not ended():
+            self._child.kill()
+
     async def _do(self, identity: str, request: Shown) -> None:
-        folder = self._folder / identity
-        folder.mkdir(parents=True)
-        pipe = open_pipe(folder)  # what is said before the child listens waits in it
-        try:
-            child = await Child.start(MODULE, [str(folder)], request)
-            event = await child.last_event(lambda progress: None)
-        finally:
-            os.close(pipe)
-            shutil.rmtree(folder)
+        def note(child: Child) -> None:
+            self._child = child
+
+        event = await carry_out(self._folder / identity, request, note)
+        if self._silent is not None:
+            event = {"event": "failed", **self._silent}
         ended: Shown = {"state": "done"}
         if event["event"] == "failed":
             ended = {"state": "failed", "error": problem(409, event["code"], event["message"], event["hint"])}

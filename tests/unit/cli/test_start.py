@@ -42,4 +42,4 @@ def test_the_shell_completes_nouns() -> None:
     child = subprocess.run(
         [sys.executable, "-m", "ibfctl"], capture_output=True, text=True, check=False, env=environment
     )
-    assert sorted(child.stdout.split()) == ["plain,report", "plain,resume"]
+    assert sorted(child.stdout.split()) == ["plain,recover", "plain,report", "plain,resume"]
