@@ -23,6 +23,7 @@ from ibfctl.planning.corners import compared, gentlest, sharp_job
 from ibfctl.planning.job import PlanningJob, corridor_of, prepare
 from ibfctl.planning.loop import TIME_SLACK, Executed, execute, executed, refine
 from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.pairs import corrected_around
 from ibfctl.planning.plan import CurvePoint, DwellPlan, InputFile, Plan, Prediction, Round, Smoothing
 from ibfctl.schedule.scheduler import PvtSchedule, schedule
 from ibfctl.surface.influence import InfluenceFunction
@@ -45,6 +46,7 @@ def make_plan(
     path: ToolPath | None = None,
     mask: NDArray[np.bool_] | None = None,
     planned: PvtSchedule | None = None,
+    promised_nm: float = 0.0,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
     inputs: Mapping[str, InputFile] | None = None,
@@ -58,7 +60,9 @@ def make_plan(
     path, mask
         A path, and the pixels (ny, nx) of the clear aperture, in place of those that the options ask for.
     planned
-        An earlier schedule of `path`: kept where it leaves less than the one found anew.
+        An earlier schedule of `path`, taken up from rest: kept where it leaves less than the one found anew.
+    promised_nm
+        Residual that an earlier schedule was to leave: while there is more, times around the begin are corrected.
     progress
         Called with the name of a stage and the share of the work done, 0 to 1.
     cancelled
@@ -112,8 +116,13 @@ def make_plan(
     if job.rounded is None:
         plain = execute(job, chosen.time_s)
         if planned is not None:
-            plain = min(plain, executed(job, planned.segment_time_s, planned), key=partial(_rank, options))
+            # The dwell of the ramp would leave a dent where the tool was fast: it is shared out around the seam.
+            earlier = executed(job, planned.segment_time_s, planned)
+            earlier = corrected_around(job, earlier, 0, promised_nm, stop)
+            plain = min(plain, earlier, key=partial(_rank, options))
         best, rounds = corrected(job, plain)
+        if planned is not None:
+            best = corrected_around(job, best, 0, promised_nm, stop)
     else:
         sharp = sharp_job(job)
         plain = execute(sharp, chosen.time_s)

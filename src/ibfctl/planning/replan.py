@@ -118,6 +118,7 @@ def replan(
     if options.extra_removal_nm is not None:
         # The depth is in the map now: it must not go a second time.
         options = replace(options, remove="none", extra_removal_nm=None)
+    mask = plan.prediction.clear_aperture
     make = partial(
         make_plan,
         surface,
@@ -125,7 +126,8 @@ def replan(
         plan.machine,
         path=path,
         planned=planned,
-        mask=plan.prediction.clear_aperture,
+        promised_nm=rms(plan.prediction.executed_residual_nm[mask]),
+        mask=mask,
         progress=progress,
         cancelled=cancelled,
         inputs=inputs,

@@ -1,10 +1,14 @@
-"""The run file: what was executed, what it removed, and from which plan (docs/file-formats.md)."""
+"""The run file: what was executed, what it removed, and from which plan (docs/file-formats.md).
+
+The file is sealed: what is planned on must be what was executed.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -15,7 +19,7 @@ from numpy.typing import NDArray
 
 from ibfctl import __version__
 from ibfctl.errors import InputError
-from ibfctl.hdf5 import new_file
+from ibfctl.hdf5 import check_seal, new_file
 from ibfctl.machine.description import MachineDescription
 from ibfctl.planning.as_run import AsRun
 from ibfctl.planning.groups import fill_plan, plan_in
@@ -97,7 +101,7 @@ def write_run(path: Path, plan: Plan, plan_file: InputFile, record: RunRecord, a
     InputError
         If it cannot be written.
     """
-    with new_file(path) as file:
+    with new_file(path, sealed=True) as file:
         _fill_head(file, FORMAT, {"plan": plan_file, **plan.inputs})
         for name in ("run", "reason", "operator", "simulated"):
             file.attrs[name] = getattr(record, name)
@@ -138,7 +142,7 @@ def write_tools_run(
     path: Path, sequence: PlanSequence, plan_file: InputFile, tools: Sequence[Mapping[str, object]], as_run: AsRun
 ) -> None:
     """Write what several tools have left together; `tools` says of each where its own run file is."""
-    with new_file(path) as file:
+    with new_file(path, sealed=True) as file:
         _fill_head(file, SEVERAL_FORMAT, {"plan": plan_file, **sequence.inputs})
         file.attrs["tools"] = json.dumps(list(tools))
         _fill_as_run(file, sequence.surface, as_run)
@@ -165,19 +169,16 @@ def read_as_run(path: Path) -> AsRun | None:
     Raises
     ------
     InputError
-        If the file is no run file.
+        If the file is no run file, or was changed since it was written.
     """
-    try:
-        with h5py.File(path) as file:
-            if file.attrs.get("format") not in (FORMAT, SEVERAL_FORMAT):
-                raise InputError(f"run file {path}: not a run of this version", "run the plan again")
-            if "as_run" not in file:
-                return None
-            group = file["as_run"]
-            figures = {name: float(group.attrs[name]) for name in _FIGURES}
-            return AsRun(group["removal_nm"][:], group["residual_nm"][:], **figures)
-    except (OSError, KeyError) as error:
-        raise InputError(f"run file {path}: cannot be read ({error})", "run the plan again") from error
+    with _readable(path) as file:
+        if file.attrs.get("format") not in (FORMAT, SEVERAL_FORMAT):
+            raise InputError(f"run file {path}: not a run of this version", "run the plan again")
+        if "as_run" not in file:
+            return None
+        group = file["as_run"]
+        figures = {name: float(group.attrs[name]) for name in _FIGURES}
+        return AsRun(group["removal_nm"][:], group["residual_nm"][:], **figures)
 
 
 def read_remainder(path: Path) -> Remainder:
@@ -186,21 +187,31 @@ def read_remainder(path: Path) -> Remainder:
     Raises
     ------
     InputError
-        If the file is no run file of one tool, or its plan had no map.
+        If the file is no run file of one tool, its plan had no map, or it was changed since it was written.
     """
-    try:
-        with h5py.File(path) as file:
-            if file.attrs.get("format") != FORMAT:
-                raise InputError(f"run file {path}: not a run of one tool", "give the run.h5 of a run")
-            plan = plan_in(file["plan"])
-            if plan.surface is None:
-                raise InputError(f"run file {path}: its plan has no map", "plan the part that is left by hand")
-            intervals = file["executed/plan_samples"][:]
-            removal_nm = file["as_run/removal_nm"][:] if "as_run" in file else np.zeros(plan.surface.height_nm.shape)
-            uncertainty = int(file["executed"].attrs["uncertainty_samples"])
-    except (OSError, KeyError) as error:
-        raise InputError(f"run file {path}: cannot be read ({error})", "give the run.h5 of a run") from error
+    with _readable(path) as file:
+        if file.attrs.get("format") != FORMAT:
+            raise InputError(f"run file {path}: not a run of one tool", "give the run.h5 of a run")
+        plan = plan_in(file["plan"])
+        if plan.surface is None:
+            raise InputError(f"run file {path}: its plan has no map", "plan the part that is left by hand")
+        intervals = file["executed/plan_samples"][:]
+        removal_nm = file["as_run/removal_nm"][:] if "as_run" in file else np.zeros(plan.surface.height_nm.shape)
+        uncertainty = int(file["executed"].attrs["uncertainty_samples"])
     return Remainder(plan, removal_nm, int(intervals[-1, 1]) if intervals.size else 0, uncertainty)
+
+
+@contextlib.contextmanager
+def _readable(path: Path) -> Iterator[h5py.File]:
+    try:
+        check_seal(path)
+        with h5py.File(path) as file:
+            yield file
+    except (OSError, KeyError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"run file {path}: cannot be read ({reason})", "give a run.h5 as its run has left it"
+        ) from error
 
 
 def _table(group: h5py.Group, name: str, values: object) -> None:

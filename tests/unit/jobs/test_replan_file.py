@@ -88,6 +88,20 @@ def test_what_cannot_be_planned_on_is_refused(tmp_path: Path, plan: Plan, capsys
         read_remainder(interrupted(tmp_path, timed, [(0, 100)]))
 
 
+def test_a_run_file_that_was_changed_is_refused(
+    tmp_path: Path, plan: Plan, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = interrupted(tmp_path, plan, [(0, 41_234)])
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    assert run(["replan", str(path), "-o", str(tmp_path / "rest.h5")]) == 2
+    assert "checksum does not fit" in capsys.readouterr().err
+    assert not (tmp_path / "rest.h5").exists()
+    with pytest.raises(InputError, match=r"run\.h5: cannot be read \(its checksum does not fit"):
+        read_as_run(path)
+
+
 def test_where_the_stages_were_seen_counts_more_than_where_they_should_have_been(plan: Plan) -> None:
     executed = [(0, 20_000), (20_000, 40_000)]
     planned = trace_of_history(plan, History(executed=executed))

@@ -10,13 +10,17 @@ import pytest
 
 from ibfctl.dwell.deposition import grid_of
 from ibfctl.dwell.operator import removal_of_samples
+from ibfctl.dwell.solver import never
 from ibfctl.dwell.trade_off import Aim
 from ibfctl.errors import InputError
 from ibfctl.machine.description import read_machine
 from ibfctl.machine.placement import Placement
 from ibfctl.machine.shipped import shipped_machine
 from ibfctl.path.tool_path import ToolPath
+from ibfctl.planning.job import prepare
+from ibfctl.planning.loop import executed
 from ibfctl.planning.options import PlanOptions
+from ibfctl.planning.pairs import corrected_around
 from ibfctl.planning.plan import Plan
 from ibfctl.planning.planner import make_plan, schedule_nodes
 from ibfctl.planning.replan import removal_of_intervals, replan
@@ -77,12 +81,22 @@ def placed() -> Plan:
     return planned(replace(COARSE, placement=Placement(20.0, -7.0, 30.0, mirrored=True)))
 
 
-@pytest.mark.parametrize("job", ["plan", "maze", "hasty", "placed"])
+@pytest.fixture(scope="module")
+def fast() -> Plan:
+    """So fast that a dozen pairs of samples are a segment's time, and with so little left that a seam shows."""
+    y, x = np.mgrid[-1:1:32j, -1:1:40j]
+    surface, tool = SurfaceMap.centred(5 * (x**2 + 0.7 * y**2), 0.25), gaussian(3.0, 10.0, 4.0, 0.1)
+    return make_plan(
+        surface, tool, read_machine(shipped_machine("simulator")), PlanOptions(pitch_mm=0.5, step_mm=0.5)
+    )
+
+
+@pytest.mark.parametrize(("job", "count"), [("plan", 3), ("maze", 3), ("hasty", 3), ("placed", 3), ("fast", 1)])
 def test_wherever_it_is_interrupted_the_promise_is_kept_within_5_percent(
-    job: str, request: pytest.FixtureRequest
+    job: str, count: int, request: pytest.FixtureRequest
 ) -> None:
     plan: Plan = request.getfixturevalue(job)
-    seams = np.random.default_rng(4).integers(1, total(plan) - 200, 3)
+    seams = np.random.default_rng(4).integers(1, total(plan) - 200, count)
     for seam in [*seams.tolist(), 1]:
         rest = replan(plan, removal_of_intervals(plan, [(0, seam)]), seam)
         assert rest.certificate.passed
@@ -92,6 +106,24 @@ def test_wherever_it_is_interrupted_the_promise_is_kept_within_5_percent(
         at_seam = places(plan.program, np.array([float(seam)]))
         for letter, axis in rest.program.axes.items():
             assert axis.start_counts == pytest.approx(at_seam[letter][0][0], abs=0.5)
+
+
+def test_the_dent_of_a_seam_at_speed_is_shared_out(fast: Plan) -> None:
+    assert fast.surface is not None
+    assert fast.influence is not None
+    assert fast.prediction is not None
+    before, after = [], []
+    for seam in np.random.default_rng(4).integers(1, total(fast) // 2, 5).tolist():
+        path, ramped = restart(fast, seam, CORRIDOR_MM)
+        assert ramped is not None
+        left_nm = fast.surface.height_nm - removal_of_intervals(fast, [(0, seam)])
+        surface, options = replace(fast.surface, height_nm=left_nm), replace(fast.options, path="nodes")
+        job = prepare(surface, fast.influence, fast.machine, options, path, fast.prediction.clear_aperture)
+        present = executed(job, ramped.segment_time_s, ramped)
+        before.append(present.rms_nm)
+        after.append(corrected_around(job, present, 0, final_rms_nm(fast), never).rms_nm)
+    assert max(before) > 1.5 * final_rms_nm(fast)
+    assert max(after) <= 1.05 * final_rms_nm(fast)
 
 
 def test_what_was_really_removed_is_what_counts(plan: Plan) -> None:
