@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from collections.abc import Iterator
 
 import pytest
 from ibfctl_simulator.galil.clock import ScaledClock
+from ibfctl_simulator.galil.control import ABORT_INPUT
 from ibfctl_simulator.galil.controller import Controller
 from ibfctl_simulator.galil.inprocess import EmulatorServer
 from ibfctl_simulator.galil.settings import Settings
@@ -73,6 +76,22 @@ TRIPPED = "stopped with code [238] |a limit, a position error"
 def test_a_fault_ends_the_run_with_the_gate_closed(server: EmulatorServer, fault: str, match: str) -> None:
     run_into(server, fault, match)
     assert not gate_is_open(server)
+
+
+def test_the_guard_alone_closes_the_gate_after_the_abort_input(server: EmulatorServer) -> None:
+    with connected(machine(port=server.port)) as controller:
+        controller.start_guard(patience_s=60.0)
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as console:
+            half_a_minute = b"PVA=1000,500,2048;PVB=0,0,2048\r" * 15
+            console.sendall(b"SHAB\r" + half_a_minute + b"BTAB;SB 1\r")
+            while not gate_is_open(server):
+                time.sleep(0.001)
+            server.fault("abort-input")
+            deadline = time.monotonic() + 10
+            while gate_is_open(server) and time.monotonic() < deadline:
+                time.sleep(0.001)
+        assert not gate_is_open(server)
+        assert [axis.stop_code for axis in server.controller.state.axes] == [ABORT_INPUT] * 2
 
 
 def test_a_controller_that_answers_nobody_closes_the_gate_itself(server: EmulatorServer) -> None:

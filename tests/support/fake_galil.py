@@ -209,6 +209,8 @@ class FakeGalil:
             return self.variables[name]
         if match := re.fullmatch(r"@OUT\[(\d+)\]", name):
             return self.outputs.get(int(match[1]), 0)
+        if name == "_CN4":
+            return int("CN ,,,,1" in (command for _, command in self.log))
         operand, letter = name[:3], name[3:]
         if operand == "_XQ":
             return {"0": self.guard_line, "1": self.shutter_line}.get(letter, -1)

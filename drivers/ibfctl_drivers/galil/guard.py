@@ -30,6 +30,9 @@ SAMPLES_PER_S = 1024
 OPENER, CLOSER = "#IBFGAT", "#IBFCLS"
 """Where the shutter's thread begins: with the gate still closed, or already open."""
 
+OUTLIVE_ABORT_INPUT = "CN ,,,,1"
+"""The abort input stops the axes and not the programs: somebody must be left to close the gate."""
+
 ALLOWED_CODES = (1, 30, 31, 50, 51)
 """Standing at the start, PVT and contour running, PVT and contour ended."""
 
@@ -108,7 +111,8 @@ class Guard:
         Raises
         ------
         ControllerError
-            If the controller holds another program, or does not hold or run this one afterwards.
+            If the controller holds another program, does not hold or run this one afterwards, or would end it with the
+            abort input.
         """
         present = self._link.upload()
         if present != self._lines:
@@ -123,6 +127,12 @@ class Guard:
             if self._link.upload() != self._lines:
                 raise ControllerError("the guard program does not read back as it was loaded")
         self._halt()
+        self._link.tell(OUTLIVE_ABORT_INPUT)
+        if parse_integers(self._link.ask("MG _CN4"), 1, "MG _CN4") != [1]:
+            raise ControllerError(
+                "the guard would end with the controller's abort input",
+                f"find out why it does not keep {OUTLIVE_ABORT_INPUT}",
+            )
         self._link.tell(f"gpat={round(patience_s * SAMPLES_PER_S)}")
         wait = max(round(patience_s * 1000 / LOOPS_IN_PATIENCE), 2)
         self._low_water_samples = LOW_WATER_LOOPS * wait

@@ -130,7 +130,8 @@ def _abort_input(emulator: Emulator) -> None:
         axis.stop(ABORT_INPUT, at_once=True)
         if axis.parameters["OE"] in (1, 3):
             axis.servo_off(ABORT_INPUT)
-    emulator.controller.engine.halt()
+    if not emulator.controller.state.programs_outlive_abort:
+        emulator.controller.engine.halt()
 
 
 def _emergency_stop(emulator: Emulator) -> None:

@@ -77,6 +77,11 @@ class State:
         self._burned_variables = dict(self.variables)
 
     @property
+    def programs_outlive_abort(self) -> bool:
+        """Whether programs go on when the abort input stops the axes (fifth field of `CN`)."""
+        return bool(self.configuration[4])
+
+    @property
     def time(self) -> int:
         """Samples since power-up, which `TIME` reports."""
         return self.sample - self._first_sample

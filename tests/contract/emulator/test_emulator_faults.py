@@ -136,6 +136,15 @@ def test_the_abort_input(server, client):
     assert client.ask("SCA;MG _MOA,_BGA\r", 2) == "6\r\n: 1.0000 0.0000\r\n:"
 
 
+@pytest.mark.parametrize(("setting", "outlives"), [("CN ,,,,0", False), ("CN ,,,,1", True)])
+def test_the_abort_input_ends_programs_or_not(server, client, setting, outlives):
+    client.ask("DL\r#A\rJP #A\r\\", 2)
+    client.ask(f"{setting};XQ #A\r", 2)
+    server.step(4)
+    server.fault("abort-input")
+    assert (float(client.ask("MG _XQ0\r").split()[0]) >= 0) == outlives
+
+
 def test_the_emergency_stop(server, client):
     client.ask("SH;PVA=100,1000,100;PVA=100,0,100;BTA\r", 4)
     server.step(50)
