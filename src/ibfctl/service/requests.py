@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import islice
 from typing import Annotated, Any
 
 from fastapi import Header, Path, Query, Request
@@ -61,9 +62,9 @@ async def refuse_unknown_query(request: Request) -> None:
 
 def page(collection: Collection, limit: int, after: str | None, show: Callable[[Record], Record]) -> dict[str, Any]:
     """Return one page of a collection, oldest first."""
-    ids = [identity for identity in collection.ids() if after is None or identity > after]
-    shown = ids[:limit]
-    more = f"/v1/{collection.kind}?limit={limit}&after={shown[-1]}" if len(ids) > limit else None
+    found = list(islice(collection.ids(after or ""), limit + 1))
+    shown = found[:limit]
+    more = f"/v1/{collection.kind}?limit={limit}&after={shown[-1]}" if len(found) > limit else None
     return {"items": [show(collection.read(identity)) for identity in shown], "next": more}
 
 

@@ -66,8 +66,9 @@ def plan(arguments: Arguments) -> Arguments:
     from ibfctl.jobs.plan_files import plan_files
     from ibfctl.jobs.tool_files import ToolFile, plan_tool_files
     from ibfctl.planning.options import Aim, PlanOptions
+    from ibfctl.runs.promptness import let_others_go_first
 
-    _let_others_go_first()
+    let_others_go_first()
     options = dict(arguments["options"])
     options["clear_aperture"] = _region(options["clear_aperture"], Path(arguments["output"]).parent)
     options["placement"] = _placement(options["placement"])
@@ -221,11 +222,6 @@ def _refuse_large(shape: tuple[int, ...], most: int) -> None:
     ny, nx = shape
     if nx * ny > most:
         raise InputError(f"{nx} x {ny} pixels are more than the {most} that this service takes", "crop or bin it")
-
-
-def _let_others_go_first() -> None:
-    """Use only time that nobody else wants: a niced process still holds a core for milliseconds that a run needs."""
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def _parent_is_gone() -> Callable[[], bool]:

@@ -148,19 +148,23 @@ def _tool(service: State, tool: ToolRequest, request: PlanRequest) -> dict[str, 
 
 
 def machine_of_plan(service: State, plan: Record) -> Path:
-    """Return the path of the machine file of a plan, on which it is run.
+    """Return the path of the machine file that a plan is run with.
+
+    Tools may have been planned with files of their own; the run has one, and its preflight holds every tool against it.
 
     Raises
     ------
     ServiceError
-        If its tools are for different machines.
+        If the files differ, and the plan names none for all.
     """
     request = plan["request"]
     tools = request.get("tools") or [request]
     machines = {machine_of(service, tool["machine_id"] or request["machine_id"]) for tool in tools}
+    if len(machines) > 1 and request["machine_id"] is not None:
+        return machine_of(service, request["machine_id"])
     if len(machines) > 1:
         raise ServiceError(
-            409, f"plans/{plan['id']}: its tools are for several machines", "run the plan file of each tool on its own"
+            409, f"plans/{plan['id']}: its tools have several machines", "plan with a `machine_id` for all: the run's"
         )
     return machines.pop()
 
