@@ -123,8 +123,47 @@ def plan_of_hours(client: Client, folder: Path) -> str:
     return plan["id"]
 
 
-def keep_solving(client: Client, folder: Path) -> str:
-    """Begin a plan that is solved for minutes; return its id."""
+class Planners:
+    """Keep some plans being solved, one after the other, until the end of the block.
+
+    Attributes
+    ----------
+    looks, busy
+        How often it was looked whether all of them are, and how often they were.
+    """
+
+    def __init__(self, client: Client, folder: Path, number: int) -> None:
+        self._client = client
+        self._folder = folder
+        self._solving = [_solve(client, folder) for _ in range(number)]
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._keep)
+        self.looks = self.busy = 0
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        for plan in self._solving:
+            self._client.plans.cancel(plan)
+
+    def _keep(self) -> None:
+        while not self._ended.wait(1.0):
+            states = [self._client.plans.show(plan)["state"] for plan in self._solving]
+            self.looks += 1
+            self.busy += all(state in ("queued", "running") for state in states)
+            for place, state in enumerate(states):
+                if state == "failed":
+                    raise RuntimeError(self._client.plans.show(self._solving[place]))
+                if state == "done":
+                    self._solving[place] = _solve(self._client, self._folder)
+
+
+def _solve(client: Client, folder: Path) -> str:
+    """Begin a plan that is solved for some time; return its id."""
     y, x = np.mgrid[-1:1:400j, -1:1:400j]
     path = folder / "large.npz"
     np.savez(path, height_nm=50 * x**2 + 20 * np.sin(9 * x * y), pixel_mm=0.1)

@@ -47,7 +47,7 @@ def _tell_workers(data: Path) -> set[str]:
     told = set()
     for pipe in [*data.glob("runs/*/control"), *data.glob("acts/*/control")]:
         try:
-            send(pipe.parent, {"act": "abort", "key": None, "by": "ibfctl abort"})
+            send(pipe.parent, {"act": "abort", "key": None, "by": f"ibfctl abort, user {os.getuid()}"})
         except (RunError, OSError):  # it is over; or it is hung, and the service or the guard must do
             continue
         told.add(pipe.parent.name)

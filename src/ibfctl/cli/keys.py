@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import click
 
 from ibfctl.cli.options import data_option, json_option
 from ibfctl.cli.output import print_json, print_table
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.places import journal_path
 from ibfctl.service.keys import Key, KeyRing, Role
 
 _ROLES = [role.name.lower() for role in Role]
@@ -27,6 +30,7 @@ def command() -> None:
 def add(name: str, role: str, data: Path, as_json: bool) -> None:
     """Make a key for NAME and print its token, which is shown this once."""
     key, token = KeyRing(data).add(name, Role.named(role))
+    _note("add", key, data)
     if as_json:
         print_json({**_shown(key), "token": token})
     else:
@@ -52,10 +56,18 @@ def list_keys(data: Path, as_json: bool) -> None:
 def remove(name: str, data: Path, as_json: bool) -> None:
     """Remove the key of a name or id; its holder is refused from the next request on."""
     key = KeyRing(data).remove(name)
+    _note("remove", key, data)
     if as_json:
         print_json(_shown(key))
     else:
         click.echo(f"removed {key.name}")
+
+
+def _note(act: str, key: Key, data: Path) -> None:
+    """Put a change of the keys into the audit log."""
+    with Journal.open(journal_path(data)) as journal:
+        told = {"act": f"keys {act} {key.name}", "id": key.id, "role": key.role, "by": f"user {os.getuid()}"}
+        journal.append(None, "act", told)
 
 
 def _shown(key: Key) -> dict[str, Any]:

@@ -79,11 +79,12 @@ async def file_on_demand(
 ) -> FileResponse:
     """Answer a file of a resource; a task makes it, and its kin, when it is first asked for."""
     path = collection.path(identity, name)
-    if not path.is_file():
-        child = await Child.start(TASKS, [task], {**arguments, "folder": str(path.parent)})
-        event = await child.last_event(lambda progress: None)
-        if event["event"] == "failed":
-            raise ServiceError(422, event["message"], event["hint"], event["code"])
+    async with collection.making(identity), collection.hands:  # a page asks for all its pictures at once
+        if not path.is_file():
+            child = await Child.start(TASKS, [task], {**arguments, "folder": str(path.parent)})
+            event = await child.last_event(lambda progress: None)
+            if event["event"] == "failed":
+                raise ServiceError(422, event["message"], event["hint"], event["code"])
     if not path.is_file():
         raise ServiceError(409, f"{collection.kind}/{identity}: has no {name}", "see its links for what it has")
     return FileResponse(path, filename=name)

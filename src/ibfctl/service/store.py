@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import os
@@ -13,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
 from ibfctl.files import atomic_path
 from ibfctl.service.problems import ServiceError
@@ -20,6 +22,7 @@ from ibfctl.service.problems import ServiceError
 _ID = re.compile(r"[0-9a-f]{16}")
 _RECORD = "record.json"
 _KEYS = "keys"
+MOST_CHILDREN = 2
 
 Record = dict[str, Any]
 
@@ -28,11 +31,20 @@ class Collection:
     """All resources of one kind; nothing that a client sends becomes a path.
 
     Ids begin with the time of creation, so that their order is the order of creation.
+
+    Attributes
+    ----------
+    kind
+        Name of the kind, as in URLs.
+    hands
+        To be held by whoever has files of the kind read or made by a process of its own: each may take much memory.
     """
 
     def __init__(self, data: Path, kind: str) -> None:
         self._folder = data / kind
         (self._folder / _KEYS).mkdir(parents=True, exist_ok=True)
+        self._making: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
+        self.hands = asyncio.Semaphore(MOST_CHILDREN)
         self.kind = kind
 
     def create(self) -> str:
@@ -40,6 +52,10 @@ class Collection:
         identity = new_identity()
         (self._folder / identity).mkdir()
         return identity
+
+    def making(self, what: str | None) -> asyncio.Lock:
+        """Return what holds off whoever wants the same made a second time: the files of an id, or what a key made."""
+        return asyncio.Lock() if what is None else self._making.setdefault(what, asyncio.Lock())
 
     def path(self, identity: str, name: str) -> Path:
         """Return the path of a file of a resource; `name` is the service's own."""

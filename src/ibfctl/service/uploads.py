@@ -48,26 +48,29 @@ async def store_upload(
     try:
         size, sha256 = await _receive(request, path, settings.max_upload_bytes)
         fingerprint = fingerprint_of(form, given, sha256)
-        earlier = collection.recall(key, fingerprint)
-        if earlier is not None:
-            return earlier
-        place = "path" if task == "inspect-map" else "spec"
-        figures = await inspect(task, {**given, place: str(path), "max_pixels": settings.max_map_pixels}, path.name)
-        record = collection.write(
-            identity, {"format": form, "bytes": size, "sha256": sha256, "given": given, "figures": figures}
-        )
-        collection.remember(key, fingerprint, identity)
-        kept = True
-        return record
+        async with collection.making(key):
+            earlier = collection.recall(key, fingerprint)
+            if earlier is not None:
+                return earlier
+            place = "path" if task == "inspect-map" else "spec"
+            asked = {**given, place: str(path), "max_pixels": settings.max_map_pixels}
+            figures = await inspect(collection, task, asked, path.name)
+            record = collection.write(
+                identity, {"format": form, "bytes": size, "sha256": sha256, "given": given, "figures": figures}
+            )
+            collection.remember(key, fingerprint, identity)
+            kept = True
+            return record
     finally:
         if not kept:
             collection.delete(identity)
 
 
-async def inspect(task: str, arguments: dict[str, Any], shown_as: str) -> dict[str, Any]:
+async def inspect(collection: Collection, task: str, arguments: dict[str, Any], shown_as: str) -> dict[str, Any]:
     """Return the figures of an input; what refuses it names the upload instead of a path of the service."""
-    child = await Child.start(TASKS, [task], arguments)
-    event = await child.last_event(lambda progress: None)
+    async with collection.hands:
+        child = await Child.start(TASKS, [task], arguments)
+        event = await child.last_event(lambda progress: None)
     if event["event"] == "failed":
         place = str(arguments.get("path") or arguments.get("spec"))
         raise ServiceError(422, event["message"].replace(place, shown_as), event["hint"], event["code"])

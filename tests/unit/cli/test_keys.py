@@ -7,6 +7,8 @@ from click.testing import CliRunner
 
 from ibfctl.cli.main import cli
 from ibfctl.errors import InputError
+from ibfctl.runs.journal import Journal
+from ibfctl.runs.places import journal_path
 from ibfctl.service.keys import KeyRing, Role
 
 
@@ -61,3 +63,6 @@ def test_keys_are_made_listed_and_removed_from_the_command_line(tmp_path: Path) 
     assert json.loads(say("list", "--json"))["items"] == [{k: v for k, v in made.items() if k != "token"}]
     assert say("remove", "panel") == "removed panel\n"
     assert say("list") == ""
+    with Journal.open(journal_path(tmp_path)) as journal:
+        assert [event.data["act"] for event in journal.events()] == ["keys add panel", "keys remove panel"]
+

@@ -46,14 +46,15 @@ async def add_influence(
     if formula is None or format is not None or not formula.startswith(_FORMULA):
         raise ServiceError(422, "needs either format and a body, or a formula", f"formula={_FORMULA}fwhm_mm=..,..")
     fingerprint = fingerprint_of(formula, given)
-    earlier = collection.recall(key, fingerprint)
-    if earlier is not None:
-        return linked(collection, earlier)
-    asked = {**given, "spec": formula, "max_pixels": service.settings.max_map_pixels}
-    figures = await inspect("inspect-influence", asked, formula)
-    identity = collection.create()
-    collection.remember(key, fingerprint, identity)
-    return linked(collection, collection.write(identity, {"formula": formula, "given": given, "figures": figures}))
+    async with collection.making(key):
+        earlier = collection.recall(key, fingerprint)
+        if earlier is not None:
+            return linked(collection, earlier)
+        asked = {**given, "spec": formula, "max_pixels": service.settings.max_map_pixels}
+        figures = await inspect(collection, "inspect-influence", asked, formula)
+        identity = collection.create()
+        collection.remember(key, fingerprint, identity)
+        return linked(collection, collection.write(identity, {"formula": formula, "given": given, "figures": figures}))
 
 
 @router.get("", response_model=Page[InfluenceRecord], response_model_exclude_none=True, responses=refusals())
