@@ -29,7 +29,8 @@ from ibfctl.runs.states import RunState
 from ibfctl.runs.trace import RunTrace, read_emulator_trace
 
 SPEED = 4.0
-SEGMENTS, SEGMENT_SAMPLES = 340, 60
+SEGMENTS, SEGMENT_SAMPLES = 300, 60
+"""More than the buffer holds, but no more than 400 bytes a round trip of the longest latency can feed at this speed."""
 SPEED_COUNTS_S = 8000
 FAULT_AT = 0.15
 LONGEST_STAND_S = 0.05

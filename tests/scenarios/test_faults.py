@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from support.fake_galil import ABORT, PROMPT, REFUSAL, STATUS, STREAM, FakeGalil
+from support.fake_galil import ABORT, GATE, PROMPT, REFUSAL, STATUS, STREAM, FakeGalil
 from support.programs import connected, machine, program
 
 from ibfctl.errors import AbortedError, ControllerError, LinkError, RunError
@@ -18,7 +18,7 @@ from ibfctl.runs.streamer import execute
 
 SCALE = 100
 SEGMENTS = 600
-TIMEOUT_S = 0.3
+TIMEOUT_S = 1.0
 
 
 STAMP = "gcls=gcls+((gcls=0)*TIME)"
@@ -209,6 +209,52 @@ def test_a_controller_that_no_longer_answers_ends_the_run_in_time(handle: int) -
         with pytest.raises(RunError, match="no answer"):
             run()
         assert time.monotonic() - started < 10 * TIMEOUT_S
+        assert_gate_closed_before_stop(galil)
+
+
+@pytest.mark.parametrize("handle", [STREAM, STATUS])
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_link_that_falls_silent_is_not_waited_for_longer_than_the_guard_would(handle: int, goes_on: bool) -> None:
+    """Also where the buffer is full, so that the stream has nothing to send."""
+    timeout_s, patience_s = 30.0, 0.4
+
+    def silent(galil: FakeGalil, number: int, command: str) -> bytes | None:
+        if not goes_on:
+            galil.segments_per_poll = 0
+        return b"" if number == handle and began(galil) and "gbeg=TIME" in galil.sent(STREAM) else None
+
+    with FakeGalil(sample_rate_hz=1024 * SCALE) as galil:
+        galil.fault = lambda handle, command: silent(galil, handle, command)
+        bench = machine(port=galil.port, timeout_s=timeout_s)
+        gate = bench.beam_gate.model_copy(update={"guard_patience_s": patience_s})
+        bench = bench.model_copy(update={"beam_gate": gate})
+        started = time.monotonic()
+        with connected(bench) as controller, pytest.raises(RunError, match=": no answer"):
+            execute(program(SEGMENTS, 2048), bench, controller, time_scale=SCALE)
+        assert time.monotonic() - started < timeout_s
+        assert_gate_closed_before_stop(galil)
+
+
+def test_where_the_guard_has_gone_the_gate_is_closed_though_the_poll_hangs() -> None:
+    """`AB` of anybody else ends every program on the controller."""
+    waiting: list[bytes] = []
+
+    def ended(galil: FakeGalil, number: int, command: str) -> bytes | None:
+        if not in_full_swing(galil):
+            return None
+        galil.guard_line = -1
+        if number == STATUS and galil.outputs[1]:
+            waiting.append(galil.answer(command))
+            return b""
+        if number == GATE and command == "CB 1":
+            galil.outputs[1] = 0
+            galil.shout(STATUS, b"".join(waiting))
+            waiting.clear()
+        return None
+
+    with a_run_with(ended) as (galil, run):
+        with pytest.raises(RunError, match="the guard on the controller closed the gate"):
+            run()
         assert_gate_closed_before_stop(galil)
 
 

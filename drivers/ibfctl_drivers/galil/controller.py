@@ -203,9 +203,19 @@ class GalilController:
         if not open_at and not self._gate.is_open() and self.stamps().closed is None:
             raise ControllerError("the beam gate did not open", "check its output and wiring")
 
-    def sign_of_life(self) -> None:
-        """Tell the guard that the host lives."""
-        self._gate.tell(SIGN_OF_LIFE)
+    def sign_of_life(self) -> bool:
+        """Tell the guard that the host lives; return whether it runs."""
+        return self._gate.tell_and_ask(SIGN_OF_LIFE, THREAD_RUNS) >= 0
+
+    def limit_replies(self, timeout_s: float | None) -> None:
+        """Wait less long for replies to the stream and to questions; on a serial line the gate would wait for them."""
+        if not self._handles.shared:
+            for link in (self._stream, self._status):
+                link.limit(timeout_s)
+
+    def check_stream(self) -> None:
+        """Have the stream's handle answer something that changes nothing."""
+        self._stream.tell(SIGN_OF_LIFE)
 
     def set_close_at(self, segment: int) -> None:
         """Have the gate closed on the controller when so many segments are over."""

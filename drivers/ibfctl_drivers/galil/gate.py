@@ -58,10 +58,11 @@ class GateOutput:
             question = message_of(operands)
             return parse_integers(self._link.ask(question), len(operands), question)
 
-    def tell(self, command: str) -> None:
-        """Send a command over this handle; one that is dead is left to the next closing."""
+    def tell_and_ask(self, command: str, operand: str) -> int:
+        """Send a command and ask for a number in one packet; a handle that is dead is left to the next closing."""
         with self._lock:
-            self._link.tell(command)
+            question = message_of([operand])
+            return parse_integers(self._link.tell_and_ask(command, question), 1, question)[0]
 
     def close(self, then: str | None = None) -> None:
         """Close the gate and read it back, on fresh handles if need be; `then` follows once it reads closed.

@@ -63,7 +63,7 @@ class Link:
         self._transport = transport
         self._on_exchange = on_exchange
         self._name = name
-        self._timeout_s = timeout_s
+        self._usual_timeout_s = self._timeout_s = timeout_s
         self._lock = threading.Lock()
         self._received = bytearray()
         self._marked = MarkedText(name)
@@ -80,6 +80,10 @@ class Link:
         self._closed_because = self._closed_because or "it was closed"
         self._transport.close()
 
+    def limit(self, timeout_s: float | None) -> None:
+        """Wait no longer than `timeout_s` for any reply from now on; None as long as usual."""
+        self._timeout_s = min(timeout_s or self._usual_timeout_s, self._usual_timeout_s)
+
     def ask(self, question: str) -> str:
         """Send a command that answers with data; return its text, without its line end.
 
@@ -95,6 +99,20 @@ class Link:
     def tell(self, command: str) -> None:
         """Send a command that answers without data; raises as `ask`."""
         self._request(command, with_data=False)
+
+    def tell_and_ask(self, command: str, question: str) -> str:
+        """Send a command and a question in one packet, and return the answer; raises as `ask`."""
+        with self._lock:
+            self._settle()
+            self._send(f"{command}\r{question}\r".encode("ascii"))
+            deadline = time.monotonic() + self._timeout_s
+            (said, told), (text, answered) = self._reply(deadline), self._reply(deadline)
+            self._note(f"{command}\r{question}", f"{':' if told else '?'}{text}{':' if answered else '?'}")
+            if said or self._received:
+                self._fail(f"more than one reply to {command!r} or {question!r}")
+        if not (told and text):
+            raise RejectedError(f"controller refused {command!r} or {question!r}", "was it restarted?")
+        return text
 
     def pipeline(self, lines: Sequence[bytes], told_as: str | None = None) -> None:
         """Send complete lines that answer without data, several in flight, and check every prompt.

@@ -159,8 +159,17 @@ class MotionController(Protocol):
         without an end marker, or when it heard no `sign_of_life` during `patience_s` seconds of the controller.
         """
 
-    def sign_of_life(self) -> None:
-        """Tell the guard that the host lives, from a thread of its own: it waits for no segments and no polls."""
+    def sign_of_life(self) -> bool:
+        """Tell the guard that the host lives, and return whether it runs.
+
+        From a thread of its own: it waits for no segments and no polls.
+        """
+
+    def limit_replies(self, timeout_s: float | None) -> None:
+        """Wait no longer for any reply to segments and questions, in seconds of the host; None as long as usual."""
+
+    def check_stream(self) -> None:
+        """See that the way that segments take is open, while there is none to send."""
 
     def stop_guard(self) -> None:
         """Halt the guard; only once the gate is closed and the axes stand."""

@@ -83,8 +83,8 @@ def conduct(
     run = _Run(plan, machine, requests, report, resume_at)
     with ExitStack() as watches:
         sentinel = watches.enter_context(Sentinel(controller, requests))
-        watches.enter_context(Pulse(controller))
         run.rig = Rig(machine, controller, requests, sentinel, time_scale, poll_interval_s)
+        watches.enter_context(Pulse(controller, run.rig.guarded))
         try:
             run.interlocks = Interlocks(machine.interlocks, controller, requests, report)
             watches.enter_context(run.interlocks)

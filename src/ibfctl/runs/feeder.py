@@ -126,8 +126,14 @@ class Feeder:
             room = min(status.free_places.values())
             if self.all_sent and not self._end_sent and room:
                 self.send_end()
-            elif self._end_sent or self.send(room) in (0, room):
+            elif self._end_sent:
                 self._pause()
+            else:
+                sent = self.send(room)
+                if not sent:  # a stream that has fallen silent must not wait to be noticed until it is needed
+                    self._controller.check_stream()
+                if sent in (0, room):
+                    self._pause()
         self._sentinel.relax()
 
     def report(self) -> None:

@@ -86,14 +86,16 @@ class _Work:
     def execute(self) -> LegOutcome:
         """Take all steps in order."""
         self._approach()
-        self._fill()
-        self._on_state(RunState.ARMED)
-        self._hold()
-        self._began = True
-        self._feeder.begin()
-        self._on_state(RunState.RUNNING)
-        self._feeder.run()
-        self._controller.close_gate()
+        with self._rig.on_guard():
+            self._fill()
+            self._on_state(RunState.ARMED)
+            self._hold()
+            self._rig.expect_prompt_replies()
+            self._began = True
+            self._feeder.begin()
+            self._on_state(RunState.RUNNING)
+            self._feeder.run()
+            self._controller.close_gate()
         self._feeder.report()
         errors = self._prove()
         self._controller.stop_guard()
@@ -147,7 +149,6 @@ class _Work:
         self._rig.sentinel.check()
         self._controller.servo_on()
         self._controller.move_to({letter: axis.start_counts for letter, axis in self._leg.program.axes.items()})
-        self._controller.start_guard(self._rig.patience_s)
 
     def _fill(self) -> None:
         self._controller.prepare_segments(self._leg.program)

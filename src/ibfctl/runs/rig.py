@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 from ibfctl.errors import ControllerError
 from ibfctl.machine.controller import MotionController
@@ -28,6 +31,8 @@ class Rig:
         Longest pause between two polls of the controller, on the host's clock.
     reserve_s
         How long before the last moment, on the host's clock, the sentinel must begin to close the gate.
+    guarded
+        Set while our guard runs on the controller: then it is told that this host lives.
     """
 
     machine: MachineDescription
@@ -37,6 +42,22 @@ class Rig:
     time_scale: float = 1.0
     poll_interval_s: float = 0.05
     reserve_s: float = 0.0
+    guarded: threading.Event = field(default_factory=threading.Event)
+
+    @contextmanager
+    def on_guard(self) -> Iterator[None]:
+        """Start the guard; from now on it has signs of life, until somebody else sees to the gate."""
+        self.controller.start_guard(self.patience_s)
+        self.guarded.set()
+        try:
+            yield
+        finally:
+            self.guarded.clear()
+            self.controller.limit_replies(None)
+
+    def expect_prompt_replies(self) -> None:
+        """Do not wait for a silent controller any longer than its guard would wait for a silent host."""
+        self.controller.limit_replies(self.machine.beam_gate.guard_patience_s)
 
     def close_gate_timed(self) -> None:
         """Close the gate, and learn how long that takes."""

@@ -64,8 +64,9 @@ def execute(
     check_program(program, machine)
     started = time.monotonic()
     requests = Requests(abort)
-    with Sentinel(controller, requests) as sentinel, Pulse(controller):
-        rig = Rig(machine, controller, requests, sentinel, time_scale, poll_interval_s)
+    sentinel = Sentinel(controller, requests)
+    rig = Rig(machine, controller, requests, sentinel, time_scale, poll_interval_s)
+    with sentinel, Pulse(controller, rig.guarded):
         period_s = _greet(rig)
         outcome = execute_leg(Leg(program), rig, on_progress=on_progress)
     if outcome.error is not None:

@@ -14,8 +14,8 @@ from ibfctl.runs.streamer import execute
 
 GOLDEN = Path(__file__).with_name("golden_transcript.txt")
 HANDLES = ("stream", "status", "gate", "abort")
-PULSE = "gbeat=TIME"
-"""Signs of life on the gate's handle come when they come."""
+PULSE, ALIVE = "gbeat=TIME", "MG _XQ0"
+"""Signs of life on the gate's handle, and of the guard, come when they come."""
 
 
 def small_plan() -> PvtProgram:
@@ -26,7 +26,7 @@ def small_plan() -> PvtProgram:
 
 
 def transcript(log: list[tuple[int, str]]) -> str:
-    steady = [entry for entry in log if entry != (GATE, PULSE)]
+    steady = [entry for entry in log if entry not in ((GATE, PULSE), (GATE, ALIVE))]
     lines = [f"{HANDLES[handle]:6} {command.encode('unicode_escape').decode()}" for handle, command in steady]
     return "".join(
         f"{line}\n" if len(list(same)) == 1 else f"{line}  (repeated)\n" for line, same in groupby(lines)
