@@ -11,8 +11,9 @@ from typing import Any
 import httpx
 import pytest
 
+from ibfctl.cli.main import run as command_line
 from ibfctl.service.settings import Settings
-from tests.support.served import PATIENCE_S
+from tests.support.served import PATIENCE_S, ended, serving
 
 
 @pytest.fixture
@@ -60,6 +61,24 @@ def test_a_worker_that_hangs_is_done_without(
     seen = _seen(client)
     assert (seen["gate"], seen["latched"]) == ("closed", latched)
     assert not any(axis["moving"] for axis in seen["axes"].values())
+
+
+def test_without_a_service_an_abort_says_what_does_not_end(
+    plan_id: str, settings: Settings, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("ibfctl.cli.abort._PATIENCE_S", 0.3)
+    with serving(settings) as client:
+        run = client.post("/v1/runs", json={"plan_id": plan_id}).headers["Location"]
+        worker = _until(client, run, lambda record: "status" in record)["status"]["worker_pid"]
+    os.kill(worker, signal.SIGSTOP)
+    try:
+        abort = ["abort", "--data", str(settings.data), "--url", "http://127.0.0.1:1"]
+        assert command_line(abort) == 5
+        assert "was told and has not ended; use the machine's own stop" in capsys.readouterr().err
+    finally:
+        os.kill(worker, signal.SIGCONT)
+    with serving(settings) as client:
+        assert ended(client, run)["state"] == "aborted"
 
 
 def test_an_act_on_the_machine_that_hangs_is_done_without(client: httpx.Client) -> None:

@@ -16,6 +16,7 @@ from ibfctl.errors import ControllerError, RunError
 from ibfctl.runs.control import send
 
 _TIMEOUT_S = 2.0
+_PATIENCE_S, _LOOK_S = 5.0, 0.05
 _MACHINES_OWN = "use the machine's own stop"
 
 
@@ -34,6 +35,9 @@ def command(data: Path, url: str, as_json: bool) -> None:
     except ControllerError as error:
         if not told:
             raise ControllerError(f"abort: nothing runs in {data}, and {error.message}", _MACHINES_OWN) from error
+        hung = _still_moving(data, told)  # a service would see to those itself
+        if hung:
+            raise ControllerError(f"abort: {', '.join(hung)} was told and has not ended", _MACHINES_OWN) from error
     if as_json:
         from ibfctl.cli.output import print_json
 
@@ -52,6 +56,22 @@ def _tell_workers(data: Path) -> set[str]:
             continue
         told.add(pipe.parent.name)
     return told
+
+
+def _still_moving(data: Path, told: set[str]) -> list[str]:
+    """Return which runs of those told are not over after a time: what hangs takes an abort all the same."""
+    import time
+
+    from ibfctl.runs import status
+    from ibfctl.runs.places import run_folder
+    from ibfctl.runs.states import TERMINAL
+
+    deadline = time.monotonic() + _PATIENCE_S
+    runs = sorted(run for run in told if run_folder(data, run).is_dir())
+    while runs and time.monotonic() < deadline:
+        runs = [run for run in runs if (status.read(run_folder(data, run)) or {}).get("state") not in TERMINAL]
+        time.sleep(_LOOK_S)
+    return runs
 
 
 def _tell_service(url: str) -> set[str]:
