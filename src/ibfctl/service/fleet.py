@@ -213,10 +213,12 @@ class Fleet:
             return
         folder = living.folder
         request = request_for_run(act, folder)
-        safe, told = await act_without("the worker", act, self._data / "acts" / new_identity(), request)
-        await asyncio.to_thread(self._journal.append, run, "fault", told)
-        if await is_true_within(ended, LAST_S) or act != max(living.urged):  # an e-stop outweighs an abort
-            return
+        safe = False
+        while not safe:  # a worker that cannot reach the controller either is left to go on trying
+            safe, told = await act_without("the worker", act, self._data / "acts" / new_identity(), request)
+            await asyncio.to_thread(self._journal.append, run, "fault", told)
+            if await is_true_within(ended, LAST_S) or act != max(living.urged):  # an e-stop outweighs an abort
+                return
         living.closing = True  # from here on its books are closed here
         try:
             kill_worker(folder)
@@ -227,7 +229,7 @@ class Fleet:
         await is_true_within(lambda: not has_worker(folder), HEARD_S)
         state = RunState.ESTOPPED if act == "estop" else RunState.ABORTED
         shown = {"code": told["code"], "reason": told["message"], "hint": told["hint"]}
-        await asyncio.to_thread(end_orphan, folder, state, {**shown, "gate": "closed" if safe else "unknown"})
+        await asyncio.to_thread(end_orphan, folder, state, {**shown, "gate": "closed"})
         await self._close_books(run, abandoned=True)
 
     async def _close_books(self, run: str, *, abandoned: bool = False) -> None:

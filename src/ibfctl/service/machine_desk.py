@@ -16,7 +16,7 @@ from ibfctl.service.access import Holder
 from ibfctl.service.children import Child
 from ibfctl.service.fleet import Beside, Fleet
 from ibfctl.service.problems import ServiceError, problem
-from ibfctl.service.rescue import HEARD_S, act_without, carry_out, is_true_within
+from ibfctl.service.rescue import HEARD_S, LAST_S, act_without, carry_out, is_true_within
 from ibfctl.service.settings import Settings
 from ibfctl.service.store import new_identity
 
@@ -99,8 +99,12 @@ class MachineDesk:
 
         if await is_true_within(ended, HEARD_S):
             return
-        _, told = await act_without("the act's process", act, self._folder / new_identity(), self._request)
-        self._silent = told
+        safe = False
+        while not safe:
+            safe, told = await act_without("the act's process", act, self._folder / new_identity(), self._request)
+            self._silent = told
+            if not safe and await is_true_within(ended, LAST_S):
+                return
         if self._child is not None and not ended():
             self._child.kill()
 

@@ -23,8 +23,11 @@ from ibfctl.service.children import Child, Event
 
 HEARD_S = 1.0
 """How long whoever was told may take to end."""
-LAST_S = 5.0
-"""And how much longer once the controller was reached without it; a process that is only slow ends in that time."""
+LAST_S = 10.0
+"""And how much longer once the controller was reached without it; a process that is only slow ends in that time.
+
+As long again until the next attempt where it was not reached.
+"""
 _LOOK_S = 0.05
 _ACTS = "ibfctl.service.machine_acts"
 _DONE = {
