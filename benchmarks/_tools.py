@@ -1,8 +1,12 @@
 """Several tools on one part: the set-ups of Ke et al. 2022 (Opt. Express 30) on made surfaces.
 
 The paper's maps are not public, so only the order of its results can be compared. Of the simulation it gives the
-Gaussian tools and their intervals, the size of the part and the speed; removal rates are ours. Of the experiment it
-gives all but the shapes of the tools, which are Gaussian here with a full width of 0.4 of their size.
+full widths of the Gaussian tools and their intervals, the size of the part and the speed; removal rates are ours. Of
+the experiment it gives all but the map and the shapes of the tools, which are paraboloids here.
+
+The surfaces are parts of random ones whose power spectral density falls with a power of the frequency, as that of
+polished surfaces does: each narrower tool then finds something to do. On a surface of low orders and little else what
+the offset of the times leaves would decide, and not what the tools can reach.
 """
 
 from __future__ import annotations
@@ -11,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from benchmarks._planning import stages
 from ibfctl.machine.description import MachineDescription
@@ -19,7 +22,8 @@ from ibfctl.planning.options import Aim, PlanOptions
 from ibfctl.planning.sequence import Method, PlanSequence
 from ibfctl.planning.several import plan_sequence
 from ibfctl.planning.tool import Tool
-from ibfctl.surface.influence import gaussian
+from ibfctl.surface.influence import InfluenceFunction, gaussian
+from ibfctl.surface.levelling import Levelling
 from ibfctl.surface.map import SurfaceMap
 
 ACCELERATION_MM_S2 = 1000.0
@@ -27,29 +31,46 @@ ACCELERATION_MM_S2 = 1000.0
 
 @dataclass(frozen=True)
 class Setup:
-    """A square part, tools by full width, size, interval and peak rate, and the top speed of the machine."""
+    """A square part and its finest pixels, its surface, tools by size, interval and peak rate, the machine's speed.
+
+    Tools are Gaussian where their full widths at half maximum are given, and paraboloids elsewhere. The power spectral
+    density of the surface falls with the power `decay` of the frequency.
+    """
 
     size_mm: float
+    finest_mm: float
     rms_nm: float
-    fwhm_mm: tuple[float, ...]
+    decay: float
+    seed: int
     diameter_mm: tuple[float, ...]
     interval_mm: tuple[float, ...]
     peak_nm_s: tuple[float, ...]
     v_max_mm_s: float
+    fwhm_mm: tuple[float, ...] | None = None
 
     def surface(self, pixel_mm: float) -> SurfaceMap:
-        """Make a surface: low orders, and noise as fine as the smallest tool can hardly correct."""
-        pixels = round(self.size_mm / pixel_mm)
-        y, x = np.mgrid[-1 : 1 : pixels * 1j, -1 : 1 : pixels * 1j]
-        height_nm = x**2 + y**2 + 0.3 * x * y + 0.2 * np.cos(4 * x + 1) * np.cos(3 * y)
-        height_nm /= height_nm.std()
-        # The same noise whatever the pitch of the pixels.
-        coarse = np.random.default_rng(7).normal(size=(200, 200))
-        noise = ndimage.zoom(coarse, pixels / 200, order=1, mode="nearest", grid_mode=True)
-        for width_mm, share in ((0.4 * self.fwhm_mm[-1], 0.02), (self.fwhm_mm[-1], 0.08), (3 * self.fwhm_mm[-1], 0.3)):
-            smooth = ndimage.gaussian_filter(noise, width_mm / pixel_mm, mode="reflect")
-            height_nm = height_nm + share * smooth / smooth.std()
-        return SurfaceMap.centred(height_nm * (self.rms_nm / height_nm.std()), pixel_mm)
+        """Make the surface on pixels of a multiple of the finest: averages of the same heights."""
+        pixels = round(self.size_mm / self.finest_mm)
+        # A part of a periodic surface twice as large has nothing periodic.
+        noise = np.fft.rfft2(np.random.default_rng(self.seed).normal(size=(2 * pixels, 2 * pixels)))
+        frequency = np.hypot(np.fft.fftfreq(2 * pixels)[:, None], np.fft.rfftfreq(2 * pixels))
+        frequency[0, 0] = np.inf
+        height_nm = np.fft.irfft2(noise * frequency ** (-self.decay / 2))[:pixels, :pixels]
+        level = Levelling.over(np.ones(height_nm.shape, dtype=bool), "tilt")
+        height_nm = level(height_nm.ravel()).reshape(height_nm.shape)
+        cell = round(pixel_mm / self.finest_mm)
+        averaged = height_nm.reshape(pixels // cell, cell, pixels // cell, cell).mean(axis=(1, 3))
+        return SurfaceMap.centred(averaged * (self.rms_nm / averaged.std()), pixel_mm)
+
+    def influence(self, number: int, pixel_mm: float) -> InfluenceFunction:
+        """Make a tool."""
+        radius_mm, peak_nm_s = 0.5 * self.diameter_mm[number], self.peak_nm_s[number]
+        if self.fwhm_mm is not None:
+            return gaussian(self.fwhm_mm[number], peak_nm_s, radius_mm, pixel_mm)
+        half = int(np.ceil(radius_mm / pixel_mm - 1e-9))
+        place_mm = pixel_mm * np.arange(-half, half + 1)
+        share = (place_mm[:, None] ** 2 + place_mm**2) / radius_mm**2
+        return InfluenceFunction(peak_nm_s * np.maximum(1 - share, 0), pixel_mm)
 
     def machine(self, *, limited: bool = True) -> MachineDescription:
         """Return stages with the top speed of the set-up, or with limits that nobody feels."""
@@ -65,13 +86,11 @@ class Setup:
         machine = self.machine(limited=limited)
         return [
             Tool(
-                gaussian(fwhm_mm, peak_nm_s, 0.5 * diameter_mm, pixel_mm),
+                self.influence(number, pixel_mm),
                 machine,
                 PlanOptions(pitch_mm=interval_mm, step_mm=interval_mm, scan_axis="y", aim=aim, loop=loop),
             )
-            for fwhm_mm, diameter_mm, interval_mm, peak_nm_s in zip(
-                self.fwhm_mm, self.diameter_mm, self.interval_mm, self.peak_nm_s, strict=True
-            )
+            for number, interval_mm in enumerate(self.interval_mm)
         ]
 
     def plan(
@@ -83,8 +102,10 @@ class Setup:
 
 
 # Sizes of the tools follow from the intervals by the paper's Eq. 9.
-SIMULATION = Setup(200.0, 100.0, (24.0, 16.0, 6.0), (60.0, 40.0, 16.0), (10.5, 7.0, 2.8), (60.0, 40.0, 30.0), 50.0)
-EXPERIMENT = Setup(60.0, 45.42, (4.8, 3.2, 2.0), (12.0, 8.0, 5.0), (2.0, 1.5, 1.0), (327.5, 114.8, 97.6), 50.0)
+SIMULATION = Setup(
+    200.0, 0.5, 100.0, 3.7, 1, (60.0, 40.0, 16.0), (10.5, 7.0, 2.8), (60.0, 40.0, 30.0), 50.0, (24.0, 16.0, 6.0)
+)
+EXPERIMENT = Setup(60.0, 0.25, 45.42, 4.0, 4, (12.0, 8.0, 5.0), (2.0, 1.5, 1.0), (327.5, 114.8, 97.6), 50.0)
 
 
 def slopes_s_mm(sequence: PlanSequence) -> Sequence[float]:

@@ -33,10 +33,21 @@ def run() -> dict[str, Any]:
     return {
         "metrics": metrics,
         "targets": {
-            "simulation_mto_time_min": {"max": metrics["simulation_sto_time_min"]},
-            "simulation_ours_as_good_as_sto_time_min": {"max": metrics["simulation_mto_time_min"]},
+            "simulation_mto_time_min": {"max": 0.4 * metrics["simulation_sto_time_min"]},
+            "simulation_mto_ideal_rms_nm": {
+                "min": metrics["simulation_sto_ideal_rms_nm"],
+                "max": 1.1 * metrics["simulation_sto_ideal_rms_nm"],
+            },
+            "simulation_ours_as_good_as_sto_time_min": {"max": 0.8 * metrics["simulation_mto_time_min"]},
             "simulation_ours_as_good_as_sto_executed_rms_nm": {"max": metrics["simulation_sto_ideal_rms_nm"]},
-            "simulation_ours_executed_rms_nm": {"max": metrics["simulation_sto_ideal_rms_nm"]},
+            "simulation_ours_executed_rms_nm": {"max": metrics["simulation_sto_executed_rms_nm"]},
+            **{
+                f"simulation_{method}_tool_{number}_slope_s_mm": {
+                    "max": metrics[f"simulation_{than}_tool_{number}_slope_s_mm"]
+                }
+                for method, than in (("mto", "sto"), ("ours_as_good_as_sto", "mto"))
+                for number in (1, 2, 3)
+            },
             "experiment_mto_unlimited_ideal_rms_nm": {"max": metrics["experiment_mto_ideal_rms_nm"]},
             "experiment_ours_executed_rms_nm": {"max": metrics["experiment_ours_no_loop_executed_rms_nm"]},
         },

@@ -13,6 +13,7 @@ from ibfctl.dwell.joint import JointRemoval, joint_problem
 from ibfctl.dwell.methods.damped_lsmr import damped_lsmr
 from ibfctl.dwell.misfit import CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH, cell_size, make_misfit
 from ibfctl.dwell.operator import Precision, RemovalOperator
+from ibfctl.dwell.smoothest import smoothest
 from ibfctl.dwell.solver import Cancelled, DwellProblem, Regularisation
 from ibfctl.dwell.trade_off import aim_at
 from ibfctl.errors import LimitsError
@@ -30,12 +31,13 @@ class JointTimes:
     ----------
     time_s
         (n,) float64 for each tool.
-    price_nm2_s
-        Price of a second at which ours were solved; zero for the others.
+    price_nm2_s, smoothing_nm2_s2
+        Price of a second and weight of changes along the path with which ours were solved; zero for the others.
     """
 
     time_s: tuple[FloatArray, ...]
     price_nm2_s: float = 0.0
+    smoothing_nm2_s2: float = 0.0
 
 
 def ideal_operators(jobs: Sequence[PlanningJob]) -> list[RemovalOperator]:
@@ -102,23 +104,40 @@ def _ours(
     on_pixels = JointRemoval(ideal_operators(jobs))
     options = jobs[-1].options
     aim = _dwell_aim(options.aim, changes_s, float(fine.lower_s.sum()))
+
+    def residual_nm(time_s: FloatArray) -> float:
+        return jobs[-1].rms_nm(on_pixels(time_s))
+
+    regularisation, start_s = Regularisation(options.tikhonov), fine.lower_s
+    if aim.max_residual_nm is not None:
+        # The motion is to leave what is asked for: a margin is kept for it, and a quarter of one to save time within.
+        allowed_nm = aim.max_residual_nm / (1 + aim.margin if options.loop else 1.0)
+        aim = replace(aim, max_residual_nm=allowed_nm)
+        regularisation, start_s = smoothest(
+            coarse, residual_nm, allowed_nm / (1 + 0.25 * aim.margin), start_s, regularisation, cancelled
+        )
     found = aim_at(
         coarse if preview else fine,
-        lambda time_s: jobs[-1].rms_nm(on_pixels(time_s)),
+        residual_nm,
         aim,
-        start_s=fine.lower_s,
+        start_s=start_s,
         coarse=None if preview else coarse,
-        regularisation=Regularisation(options.tikhonov),
+        regularisation=regularisation,
         cancelled=cancelled,
         progress=progress,
     )
-    if aim.max_residual_nm is not None and found.chosen.rms_nm > aim.max_residual_nm * (1 + 1e-6):
+    asked_nm = options.aim.max_residual_nm
+    if asked_nm is not None and found.chosen.rms_nm > asked_nm * (1 + 1e-6):
         raise LimitsError(
             f"plan: the best residual of these tools and paths is about {found.floor.rms_nm:.4g} nm RMS, "
-            f"more than the {aim.max_residual_nm:g} nm allowed",
+            f"more than the {asked_nm:g} nm allowed",
             "allow a larger residual, or add a narrower tool",
         )
-    return JointTimes(tuple(found.chosen.time_s[block] for block in on_pixels.blocks), found.chosen.price_nm2_s)
+    return JointTimes(
+        tuple(found.chosen.time_s[block] for block in on_pixels.blocks),
+        found.chosen.price_nm2_s,
+        regularisation.smoothing * fine.curvature(),
+    )
 
 
 def _dwell_aim(aim: Aim, changes_s: float, shortest_s: float) -> Aim:
