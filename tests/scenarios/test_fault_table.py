@@ -29,8 +29,9 @@ from ibfctl.runs.states import RunState
 from ibfctl.runs.trace import RunTrace, read_emulator_trace
 
 SPEED = 4.0
-SEGMENTS, SEGMENT_SAMPLES = 300, 60
-"""More than the buffer holds, but no more than 400 bytes a round trip of the longest latency can feed at this speed."""
+SEGMENT_SAMPLES = 60
+SEGMENTS = {0.0: 340, 0.03: 340, 0.2: 300}
+"""By latency: more than the buffer holds, but no more than 400 bytes a round trip can feed at this speed."""
 SPEED_COUNTS_S = 8000
 FAULT_AT = 0.15
 LONGEST_STAND_S = 0.05
@@ -42,17 +43,18 @@ HALTED_WITH_THE_GUARD = {"abort input", "somebody else aborts"}
 LATENCIES_S = [0.0, pytest.param(0.03, marks=pytest.mark.slow), pytest.param(0.2, marks=pytest.mark.slow)]
 
 
-def steady_line() -> PvtProgram:
+def steady_line(latency_s: float = 0.0) -> PvtProgram:
     """A line at one speed, so that a tool that stands still has been stopped."""
     segment_s = SEGMENT_SAMPLES * SAMPLE_S
-    speed = np.full(SEGMENTS, SPEED_COUNTS_S)
+    segments = SEGMENTS[latency_s]
+    speed = np.full(segments, SPEED_COUNTS_S)
     speed[-1] = 0
     mean = (speed + np.concatenate([[0], speed[:-1]])) / 2
     axes = {}
     for letter, start, share in (("A", -80_000, 1.0), ("B", -10_000, 0.1)):
         moves = np.rint(share * mean * segment_s).astype(np.int64)
         axes[letter] = AxisProgram(moves, np.rint(share * speed).astype(np.int64), start, 1000.0)
-    times = np.full(SEGMENTS, SEGMENT_SAMPLES, dtype=np.int64)
+    times = np.full(segments, SEGMENT_SAMPLES, dtype=np.int64)
     return PvtProgram(axes, {"x": "A", "y": "B"}, times, SAMPLE_S)
 
 
@@ -85,12 +87,12 @@ def play(happens: Callable[[Scene], None], latency_s: float, folder: Path) -> tu
     writer = TraceWriter(folder / "trace.h5", "AB", SAMPLE_S)
     controller = Controller(Settings(axes=2), writer)
     with EmulatorServer(controller, ScaledClock(SPEED)) as server:
-        bench = machine(port=server.port, timeout_s=0.5 + 3 * latency_s)
+        bench = machine(port=server.port, timeout_s=1.0 + 3 * latency_s)
         scene = Scene(server, Requests(), happens)
         with connected(bench) as link:
             if latency_s:
                 server.fault(f"delay seconds={latency_s:g}")
-            result = conduct(plan_of(steady_line()), bench, link, scene.requests, scene, time_scale=SPEED)
+            result = conduct(plan_of(steady_line(latency_s)), bench, link, scene.requests, scene, time_scale=SPEED)
         server.fault("clear")
         server.call(lambda: controller.advance(round(20 / SAMPLE_S)))
         assert not controller.state.outputs & 1, "the gate is open"
@@ -122,6 +124,7 @@ FAULTS: dict[str, tuple[Callable[[Scene], None], set[RunState]]] = {
     "cable pulled": (fault("half-open"), {RunState.FAULTED}),
     "half-open stream": (fault("half-open handle=A"), {RunState.FAULTED}),
     "half-open status": (fault("half-open handle=B"), {RunState.FAULTED}),
+    "half-open gate": (fault("half-open handle=C"), {RunState.FAULTED}),
     "handles lost": (fault("reset"), {RunState.FAULTED}),
     "late reply": (fault("stale handle=B"), {RunState.FAULTED}),
     "reply lost": (fault("drop handle=B"), {RunState.FAULTED}),
@@ -154,7 +157,7 @@ def test_no_fault_drills_a_hole(name: str, latency_s: float, tmp_path: Path) -> 
     assert longest_stand_s(trace) <= LONGEST_STAND_S + host_s
     # The record is what happened, and claims no more than is known.
     claimed = sum(last - first for first, last in result.executed_plan_samples)
-    assert claimed < steady_line().time_samples.sum(), "noticed at the end alone"
+    assert claimed < steady_line(latency_s).time_samples.sum(), "noticed at the end alone"
     assert claimed - 4 <= exposed_samples(trace) <= claimed + result.uncertainty_samples + 4
     assert result.error is not None
     assert result.error.hint or result.state is not RunState.FAULTED
@@ -162,14 +165,14 @@ def test_no_fault_drills_a_hole(name: str, latency_s: float, tmp_path: Path) -> 
     assert told["reason"] == result.error.message
     place = told["place"]
     assert isinstance(place, Mapping)
-    assert place["plan_sample"] >= FAULT_AT * steady_line().time_samples.sum() * 0.9
+    assert place["plan_sample"] >= FAULT_AT * steady_line(latency_s).time_samples.sum() * 0.9
 
 
 @pytest.mark.parametrize("latency_s", LATENCIES_S)
 def test_without_a_fault_all_is_exposed(latency_s: float, tmp_path: Path) -> None:
     result, trace, _ = play(lambda scene: None, latency_s, tmp_path)
     assert result.state is RunState.COMPLETED, result.error
-    assert abs(exposed_samples(trace) - steady_line().time_samples.sum()) <= 2
+    assert abs(exposed_samples(trace) - steady_line(latency_s).time_samples.sum()) <= 2
     assert longest_stand_s(trace) <= LONGEST_STAND_S
 
 

@@ -18,7 +18,7 @@ from ibfctl.errors import RunError
 from ibfctl.runs.streamer import execute
 
 SPEED = 4.0
-TIMEOUT_S = 0.5
+TIMEOUT_S = 1.0
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def server() -> Iterator[EmulatorServer]:
         yield emulator
 
 
-def run_into(server: EmulatorServer, fault: str, match: str, time_samples: int = 20) -> None:
+def run_into(server: EmulatorServer, fault: str, match: str, time_samples: int = 60) -> None:
     """Run until the first status line, then make `fault` happen."""
     bench = machine(port=server.port, timeout_s=TIMEOUT_S)
     lines = iter([lambda: server.fault(fault)])

@@ -21,6 +21,7 @@ from ibfctl_drivers.galil.link import Link, RejectedError
 from ibfctl_drivers.galil.segments import PLACES, SegmentMode, low_water, mode_for
 
 LATCH = "gestop"
+PROBE = "gprobe=0"
 STAMPS = ("gbeg", "gopn", "gcls")
 
 
@@ -214,16 +215,20 @@ class GalilController:
                 link.limit(timeout_s)
 
     def check_stream(self) -> None:
-        """Have the stream's handle answer something that changes nothing."""
-        self._stream.tell(SIGN_OF_LIFE)
+        """Have the stream's handle answer something that changes nothing, and is no sign of life."""
+        self._stream.tell(PROBE)
 
     def set_close_at(self, segment: int) -> None:
         """Have the gate closed on the controller when so many segments are over."""
         self._status.tell(f"gclose={segment}")
 
     def stamps(self) -> Stamps:
-        """Read when the motion began and when the gate opened and closed, over the gate's handle."""
-        begun, opened, closed, now = self._gate.numbers([*STAMPS, "TIME"])
+        """Read when the motion began and when the gate opened and closed, over whichever handle still answers."""
+        names = [*STAMPS, "TIME"]
+        try:
+            begun, opened, closed, now = self._gate.numbers(names)
+        except LinkError:
+            begun, opened, closed, now = self._reader.numbers(names)
         return Stamps(begun or None, opened or None, closed or None, now)
 
     def buffer_status(self) -> BufferStatus:

@@ -206,7 +206,7 @@ class MotionController(Protocol):
         """Have the controller close the gate when so many segments are over; they must not be over yet."""
 
     def stamps(self) -> Stamps:
-        """Read what the controller noted of the present or the last motion, over the gate's handle."""
+        """Read what the controller noted of the present or the last motion, over whichever handle still answers."""
 
     def buffer_status(self) -> BufferStatus:
         """Poll what the streamer needs, in as few round trips as the protocol allows."""

@@ -69,7 +69,7 @@ def as_run_figures(plan: Plan, x_mm: FloatArray, y_mm: FloatArray, sample_period
     surface, mask = plan.surface, plan.prediction.clear_aperture
     grid, influence = grid_of(surface), seen_on_part(plan.influence, plan.options.placement)
     place_mm = plan.options.placement.inverse(x_mm, y_mm)
-    removal_nm = removal_of_samples(grid, influence, *place_mm, np.full(x_mm.shape, sample_period_s))
+    removal_nm = removal_of_samples(grid, influence, *place_mm, np.array(sample_period_s))
     target = Target.of(surface, influence, mask, plan.options)
     return _figures(target, plan.prediction.executed_removal_nm, removal_nm)
 

@@ -15,6 +15,9 @@ from ibfctl.runs.trace import RunTrace
 
 FloatArray = NDArray[np.float64]
 
+BLOCK_SAMPLES = 1 << 18
+"""A day has 88 million samples: what is computed on the way to their positions is never there for all of them."""
+
 
 @dataclass(frozen=True)
 class Duration:
@@ -42,21 +45,22 @@ def trace_of(outcomes: Sequence[LegOutcome], sample_period_s: float) -> RunTrace
     at its end, as in a controller's own trace.
     """
     samples: list[IntArray] = [np.empty(0, dtype=np.int64)]
-    positions: dict[str, list[FloatArray]] = {}
+    positions: dict[str, list[IntArray]] = {}
     for outcome in outcomes:
         if outcome.open_plan_samples is None:
             continue
         opened, closed = (sample - outcome.leg.shift_samples for sample in outcome.open_plan_samples)
         leg_sample = np.arange(opened + 1, closed + 1)
-        for letter, counts in _positions(outcome, leg_sample, sample_period_s).items():
-            positions.setdefault(letter, [np.empty(0)]).append(counts)
+        for part in np.array_split(leg_sample, max(leg_sample.size // BLOCK_SAMPLES, 1)):
+            for letter, counts in _positions(outcome, part, sample_period_s).items():
+                positions.setdefault(letter, []).append(np.rint(counts).astype(np.int64))
         # The controller counts anew after a restart; a trace ascends all the same.
         last = int(samples[-1][-1]) if samples[-1].size else 0
         samples.append(leg_sample + max(outcome.begun_samples, last - opened))
     sample = np.concatenate(samples)
     return RunTrace(
         sample,
-        {letter: np.rint(np.concatenate(parts)).astype(np.int64) for letter, parts in positions.items()},
+        {letter: np.concatenate(parts) for letter, parts in positions.items()},
         np.ones(sample.shape, dtype=bool),
         sample_period_s,
     )

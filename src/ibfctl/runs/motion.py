@@ -208,9 +208,11 @@ class _Work:
     def _open_plan_samples(self, stamps: Stamps | None, polls: Polls) -> tuple[tuple[int, int] | None, int]:
         """Return where in the plan the gate was open, and by how much the closing may have been later.
 
-        Without stamps the gate was open from its segment on up to the last poll, and was closed by the guard, if not
-        before, when that lost its patience.
+        Without stamps the gate was open from its segment on up to the last poll that has seen it open, and was closed
+        by the guard, if not before, when that lost its patience after the last poll of all.
         """
+        if not self._began or (stamps is not None and stamps.begun is None):
+            return None, 0
         leg, begun = self._feeder.leg, self._feeder.began_samples
         opens = leg.first_plan_sample - leg.shift_samples
         closes = int(leg.ends_samples[self._feeder.close_at])
@@ -219,9 +221,10 @@ class _Work:
                 return None, 0
             closed = closes if stamps.closed is None else min(stamps.closed - stamps.begun, closes)
             return (stamps.opened - stamps.begun + leg.shift_samples, closed + leg.shift_samples), 0
-        seen = min(int(polls.time_samples[-1]) - begun, closes) if begun and polls.time_samples.size else 0
-        if seen <= opens:
-            return None, 0
         unheard_s = (1 + GUARD_LOOKS) * self._rig.patience_s + polls.unanswered_s * self._rig.time_scale
-        later = math.ceil(unheard_s / leg.program.sample_period_s)
-        return (opens + leg.shift_samples, seen + leg.shift_samples), min(later, closes - seen)
+        polled = int(polls.time_samples[-1]) - begun if begun and polls.time_samples.size else 0
+        latest = min(polled + math.ceil(unheard_s / leg.program.sample_period_s), closes)
+        seen = max(min(polls.open_samples - begun, closes) if begun else 0, opens)
+        if latest <= opens:
+            return None, 0
+        return (opens + leg.shift_samples, seen + leg.shift_samples), max(latest - seen, 0)

@@ -29,6 +29,8 @@ class Polls:
         The longest round trip of all.
     unanswered_s
         How long after the last poll that was answered the last one was sent; it may have been a sign of life.
+    open_samples
+        The last sample counter that came with the gate reading open; 0 where none did.
     """
 
     time_samples: IntArray
@@ -36,6 +38,7 @@ class Polls:
     position_counts: dict[str, IntArray]
     round_trip_s: float
     unanswered_s: float
+    open_samples: int
 
 
 class PollLog:
@@ -45,6 +48,7 @@ class PollLog:
         self._time, self._host = array("q"), array("d")
         self._positions = {letter: array("q") for letter in letters}
         self._round_trip_s = 0.0
+        self._open_samples = 0
         self._sent_at = self._answered_from = 0.0
 
     def ask(self, asked_at: float) -> None:
@@ -55,6 +59,8 @@ class PollLog:
         """Keep one answer."""
         self._sent_at = self._answered_from = asked_at
         self._time.append(status.time_samples)
+        if status.gate_open:
+            self._open_samples = status.time_samples
         self._host.append((asked_at + answered_at) / 2)
         self._round_trip_s = max(self._round_trip_s, answered_at - asked_at)
         for letter, values in self._positions.items():
@@ -68,4 +74,5 @@ class PollLog:
             {letter: np.array(values, dtype=np.int64) for letter, values in self._positions.items()},
             self._round_trip_s,
             self._sent_at - self._answered_from,
+            self._open_samples,
         )
