@@ -36,7 +36,8 @@ def test_it_is_looked_at_homed_and_moved_with_the_gate_closed(client: httpx.Clie
 
 
 def test_what_cannot_be_is_refused(client: httpx.Client) -> None:
-    assert client.post("/v1/machine/move", json={}).status_code == 422
+    for nowhere in ({}, {"x_mm": False}, {"y_mm": "0"}):
+        assert client.post("/v1/machine/move", json=nowhere).status_code == 422
     beyond = _done(client, "move", x_mm=1e4)["act"]
     assert (beyond["state"], beyond["error"]["code"]) == ("failed", "limits")
 

@@ -62,6 +62,8 @@ def test_requests_that_do_not_fit_name_the_place(client: httpx.Client) -> None:
     aims = {"map_id": "x", "influence_id": "y", "max_time_s": 1, "max_residual_nm": 1}
     assert "exclude each other" in _problem(client.post("/v1/plans", json=aims), 422, "bad_request")["detail"]
     _problem(client.post("/v1/influences"), 422, "refused")
+    for place in ("/v1/maps?limit=1.0", "/v1/events?after=0.0&follow=false"):
+        assert "digits" in _problem(client.get(place), 422, "bad_request")["detail"]
     assert "lmit" in _problem(client.get("/v1/maps", params={"lmit": 3}), 422, "bad_request")["detail"]
     _problem(client.get("/v1/maps?limit=1&limit=2"), 422, "bad_request")
     _problem(client.post("/v1/plans", content="{", headers={"Content-Type": "application/json"}), 422, "bad_request")

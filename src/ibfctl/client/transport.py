@@ -117,9 +117,10 @@ class Transport:
             time.sleep(_RETRY_S)
 
     def _unreachable(self, error: Exception) -> UnreachableError:
-        return UnreachableError(
-            f"no service answers at {self._url} ({error})", "start `ibfctl serve`, or give --url or IBFCTL_URL"
-        )
+        hint = "start `ibfctl serve`, or give --url or IBFCTL_URL"
+        if "CERTIFICATE_VERIFY_FAILED" in str(error):
+            hint = "name the file of the authority that signed its certificate in SSL_CERT_FILE"
+        return UnreachableError(f"no service answers at {self._url} ({error})", hint)
 
 
 def _check(answer: httpx.Response) -> None:

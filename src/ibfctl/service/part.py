@@ -4,10 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+def _number(value: object) -> object:
+    if isinstance(value, bool | str):
+        raise ValueError("give a number")
+    return value
+
+
+Count = Annotated[int, Field(ge=0), BeforeValidator(_number)]
+Yes = Annotated[bool, Field(strict=True)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+"""Numbers are numbers: `false` is not taken for a place of 0 mm, nor a text for what it may mean."""
 
 
 class _Body(BaseModel):
@@ -37,7 +47,7 @@ class GivenPlacement(_Body):
 
     offset_mm: Annotated[tuple[Finite, Finite], Field(description="Part's origin on the machine.")] = (0.0, 0.0)
     rotation_deg: Annotated[Finite, Field(description="Counterclockwise.")] = 0.0
-    mirrored: bool = False
+    mirrored: Yes = False
 
 
 class FiducialPlacement(_Body):
@@ -47,7 +57,7 @@ class FiducialPlacement(_Body):
         list[tuple[Finite, Finite, Finite, Finite]],
         Field(min_length=2, max_length=1000, description="Part x, y and machine x, y of each fiducial."),
     ]
-    mirrored: bool = False
+    mirrored: Yes = False
     limit_mm: Annotated[Positive, Field(description="Largest error of a fiducial.")] = 0.05
 
 

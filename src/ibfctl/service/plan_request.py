@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ibfctl.service.part import Aperture, Placing, Positive
+from ibfctl.service.part import Aperture, Count, Placing, Positive, Yes
 
 Path = Literal["raster", "maze", "spiral", "random"]
 Axis = Literal["x", "y"]
@@ -84,12 +84,18 @@ class PlanRequest(BaseModel):
         Field(description="Dwell times of several tools: ours, or those of Ke et al. 2022, all at once or in turn."),
     ] = "ours"
     tool_change_s: Annotated[
-        float, Field(ge=0, allow_inf_nan=False, description="Of several tools: time of a change; counts in the total.")
+        float,
+        Field(
+            ge=0,
+            allow_inf_nan=False,
+            strict=True,
+            description="Of several tools: time of a change; counts in the total.",
+        ),
     ] = 0.0
     machine_id: Annotated[str | None, Field(description="Machine to plan for; default: the service's own.")] = None
     path: Path = "raster"
-    inside_out: Annotated[bool, Field(description="A spiral starts in the middle.")] = False
-    seed: Annotated[int, Field(ge=0)] = 0
+    inside_out: Annotated[Yes, Field(description="A spiral starts in the middle.")] = False
+    seed: Count = 0
     pitch_mm: Annotated[
         Positive | None, Field(description="Distance between lines; default: a quarter of the tool's full width.")
     ] = None
@@ -118,18 +124,19 @@ class PlanRequest(BaseModel):
     corner_tolerance_mm: Annotated[
         Positive | None, Field(description="Round corners, leaving the programmed path by no more.")
     ] = None
-    loop: Annotated[bool, Field(description="Correct dwell times for the motion executed.")] = True
+    loop: Annotated[Yes, Field(description="Correct dwell times for the motion executed.")] = True
     margin: Annotated[
-        float | None, Field(ge=0, le=10, description="Share of the residual given for time; default: 0.01.")
+        float | None,
+        Field(ge=0, le=10, strict=True, description="Share of the residual given for time; default: 0.01."),
     ] = None
     max_time_s: Annotated[Positive | None, Field(description="The best residual within this run time.")] = None
     max_residual_nm: Annotated[Positive | None, Field(description="The shortest run to this residual, RMS.")] = None
     seconds_per_nm: Annotated[
         Positive | None, Field(description="Time that a nm of residual, RMS, is worth: the best balance of both.")
     ] = None
-    tikhonov: Annotated[float, Field(ge=0, le=1, description="Relative to the largest eigenvalue.")] = 1e-8
-    l_curve: Annotated[bool, Field(description="Find the Tikhonov factor by the L-curve.")] = False
-    trade_off: Annotated[bool, Field(description="Add the curve of residual against time.")] = False
+    tikhonov: Annotated[float, Field(ge=0, le=1, strict=True, description="Relative to the largest eigenvalue.")] = 1e-8
+    l_curve: Annotated[Yes, Field(description="Find the Tikhonov factor by the L-curve.")] = False
+    trade_off: Annotated[Yes, Field(description="Add the curve of residual against time.")] = False
 
     @model_validator(mode="after")
     def _one_aim(self) -> Self:

@@ -8,11 +8,21 @@ from typing import Annotated, Any
 
 from fastapi import Header, Path, Query, Request
 from fastapi.responses import FileResponse
+from pydantic import BeforeValidator, Field
 
 from ibfctl.service.children import TASKS, Child
 from ibfctl.service.problems import MEDIA_TYPE, ServiceError
 from ibfctl.service.store import Collection, Record
 
+
+def _digits(value: object) -> object:
+    if isinstance(value, str) and not (value.isascii() and value.isdecimal()):
+        raise ValueError("give digits alone")
+    return value
+
+
+Digits = BeforeValidator(_digits)
+"""For integers in a query or a header, where `1.0` would be taken for one; after their bounds."""
 IdempotencyKey = Annotated[
     str | None,
     Header(
@@ -24,8 +34,8 @@ IdempotencyKey = Annotated[
 ]
 Identity = Annotated[str, Path(description="Id of the resource.", examples=["019ab2c4d5e6f708"])]
 FileName = Path(description="Name of the file, as in the links of its resource.")
-Limit = Annotated[int, Query(ge=1, le=1000, description="Most items on a page.")]
-After = Annotated[str | None, Query(description="Id of the last item of the page before.")]
+Limit = Annotated[int, Field(ge=1, le=1000), Digits, Query(description="Most items on a page.")]
+After = Annotated[str | None, Query(min_length=1, description="Id of the last item of the page before.")]
 
 _MEANINGS = {
     401: "There are keys, and the request has none of them.",

@@ -9,7 +9,7 @@ from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
-from ibfctl.service.requests import refusals
+from ibfctl.service.requests import Digits, refusals
 from ibfctl.service.state import Service
 
 router = APIRouter(prefix="/events", tags=["events"])
@@ -34,16 +34,17 @@ _STREAM: dict[int | str, dict[str, Any]] = {
         "content": {_MEDIA_TYPE: {"schema": _EVENT, "example": _EXAMPLE}},
     }
 }
-_Place = Annotated[int | None, Query(ge=0, description="As the header Last-Event-ID, which comes before it.")]
+_Number = Annotated[int, Field(ge=0), Digits]
+_Place = Annotated[_Number | None, Query(description="As the header Last-Event-ID, which comes before it.")]
 
 
 @router.get("", response_class=StreamingResponse, responses={**_STREAM, **refusals()})
 async def stream_events(
     service: Service,
-    run: Annotated[str | None, Query(description="Only what concerns this run.")] = None,
+    run: Annotated[str | None, Query(min_length=1, description="Only what concerns this run.")] = None,
     after: _Place = None,
     last_event_id: Annotated[
-        Annotated[int, Field(ge=0)] | SkipJsonSchema[None], Header(description="Replay the journal after this event.")
+        _Number | SkipJsonSchema[None], Header(description="Replay the journal after this event.")
     ] = None,
     follow: Annotated[
         Literal["true", "false"], Query(description="Go on with what comes; false: end with what is there.")

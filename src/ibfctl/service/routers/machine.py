@@ -12,14 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from ibfctl.errors import RunError
 from ibfctl.service.access import Holder
 from ibfctl.service.models import MachineNow, Told
+from ibfctl.service.part import Finite
 from ibfctl.service.requests import refusals
 from ibfctl.service.state import Asking, Service, State
 
 router = APIRouter(prefix="/machine", tags=["machine"])
 everything = APIRouter(tags=["machine"])
-_Place = Annotated[
-    float, Field(default=None, allow_inf_nan=False, description="Coordinate of the machine; absent: stays.")
-]
+_Place = Annotated[Finite, Field(default=None, description="Coordinate of the machine; absent: stays.")]
 _ACT: dict[str, Any] = {
     "status_code": 202,
     "response_model": MachineNow,

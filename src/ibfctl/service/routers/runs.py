@@ -15,6 +15,7 @@ from ibfctl.runs.states import TRANSITIONS, RunState
 from ibfctl.service.access import Holder
 from ibfctl.service.fleet import AT_REST, error_of
 from ibfctl.service.models import Page, RunRecord
+from ibfctl.service.part import Finite
 from ibfctl.service.problems import ServiceError
 from ibfctl.service.requests import (
     After,
@@ -70,7 +71,7 @@ class InterlockRequest(BaseModel):
     model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"name": "beam_current", "value": 1.2}]})
 
     name: Annotated[_Text, Field(description="Name in the machine file.")]
-    value: Annotated[float, Field(allow_inf_nan=False, description="In the unit of its band.")]
+    value: Annotated[Finite, Field(description="In the unit of its band.")]
 
 
 @router.post(
