@@ -44,10 +44,10 @@ class Effort:
     iterations_per_round: int = 25
 
     @classmethod
-    def affordable(cls, problem: DwellProblem) -> Effort:
-        """As long as takes about a second, and no shorter than the default."""
+    def affordable(cls, problem: DwellProblem, fewest: int = 24) -> Effort:
+        """As long as takes about a second, in no fewer rounds than these."""
         size = problem.operator.steps + problem.misfit.mask.size
-        return cls(rounds=min(max(_ROUNDS_TIMES_SIZE // size, cls.rounds), _MOST_ROUNDS))
+        return cls(rounds=min(max(_ROUNDS_TIMES_SIZE // size, fewest), _MOST_ROUNDS))
 
 
 def aim_at(

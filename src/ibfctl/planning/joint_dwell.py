@@ -15,12 +15,15 @@ from ibfctl.dwell.misfit import CELLS_PER_WIDTH, COARSE_CELLS_PER_WIDTH, cell_si
 from ibfctl.dwell.operator import Precision, RemovalOperator
 from ibfctl.dwell.smoothest import smoothest
 from ibfctl.dwell.solver import Cancelled, DwellProblem, Regularisation
-from ibfctl.dwell.trade_off import aim_at
+from ibfctl.dwell.trade_off import Effort, aim_at
 from ibfctl.errors import LimitsError
 from ibfctl.planning.job import PlanningJob
 from ibfctl.planning.sequence import Method
 
 FloatArray = NDArray[np.float64]
+
+# A step of the descent takes as long as those of all tools together: fewer rounds than for one, where the job is large.
+ROUNDS = 10
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,7 @@ def _ours(
         start_s=start_s,
         coarse=None if preview else coarse,
         regularisation=regularisation,
+        effort=Effort.affordable(coarse if preview else fine, ROUNDS),
         cancelled=cancelled,
         progress=progress,
     )
