@@ -39,7 +39,9 @@ def test_what_cannot_be_exported_is_refused(
     ):
         assert run(["export", str(small_plan), *arguments]) == 2
         assert message in capsys.readouterr().err
-    for content in (b"no HDF5", None):
+    changed = bytearray(small_plan.read_bytes())
+    changed[len(changed) // 2] ^= 1
+    for content in (b"no HDF5", changed, None):
         other = tmp_path / "other.h5"
         if content is None:
             with h5py.File(other, "w") as file:
