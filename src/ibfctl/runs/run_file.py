@@ -191,7 +191,10 @@ def read_remainder(path: Path) -> Remainder:
     """
     with _readable(path) as file:
         if file.attrs.get("format") != FORMAT:
-            raise InputError(f"run file {path}: not a run of one tool", "give the run.h5 of a run")
+            raise InputError(
+                f"run file {path}: not a run of one tool",
+                "give the run.h5 of a run; of several tools, the run.tool<n>.h5 of the one that was interrupted",
+            )
         plan = plan_in(file["plan"])
         if plan.surface is None:
             raise InputError(f"run file {path}: its plan has no map", "plan the part that is left by hand")
