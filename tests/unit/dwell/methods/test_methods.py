@@ -114,7 +114,9 @@ def test_the_damping_is_searched_and_times_are_offset_to_be_long_enough() -> Non
     found = damped_lsmr(problem)
     assert found.bound_violation_s < 1e-12
     assert found.time_s.min() == pytest.approx(LOWER_S)
-    assert found.rms_nm < 3 * nnls(problem).rms_nm
+    # Both leave next to nothing of this map; what is left of the offset costs the factor.
+    assert found.rms_nm < 1e-3 * float(np.linalg.norm(problem.misfit.target))
+    assert found.rms_nm < 2 * nnls(problem).rms_nm
     space = krylov_space(problem)
     for factor in (1e-4, 1e-2, 1e-1):
         time_s = space.lsmr(factor * space.largest_nm_s)
