@@ -9,7 +9,7 @@ STOPPED, RAN_DRY = 4, 32
 EMERGENCY = (6, 11, 15)
 """Abort input, selective abort input, and amplifiers without power."""
 
-LASTING_POLLS = 10
+LASTING_POLLS = 6
 """An answer names the axes one by one, so a segment may end in between, but not so many times in a row."""
 
 HINTS = {

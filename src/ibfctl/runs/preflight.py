@@ -18,7 +18,8 @@ SPEED_SLACK = 1.001
 TRAVEL_SLACK_COUNTS = 0.5
 """What rounding to counts may add to a plan that keeps its limits."""
 
-DOUBTFUL = 50 * PERIOD_TOLERANCE
+DOUBTFUL, AGREEMENT = 50 * PERIOD_TOLERANCE, 0.1
+"""A larger deviation ends the search where two measurements agree on it, to that share."""
 
 
 def check_program(program: MotionProgram, machine: MachineDescription) -> None:
@@ -123,11 +124,12 @@ def check_clock(controller: MotionController, sample_period_s: float, time_scale
     """
     measured_s = 0.0
     for duration_s in MEASURE_S:
-        measured_s = controller.measure_sample_period_s(duration_s) * time_scale
-        deviation = abs(measured_s / sample_period_s - 1)
-        if deviation <= PERIOD_TOLERANCE:
+        before_s, measured_s = measured_s, controller.measure_sample_period_s(duration_s) * time_scale
+        deviation = measured_s / sample_period_s - 1
+        if abs(deviation) <= PERIOD_TOLERANCE:
             return measured_s
-        if deviation > DOUBTFUL:
+        # A reply that was late makes one measurement wrong, and not two of them alike.
+        if abs(deviation) > DOUBTFUL and abs(measured_s - before_s) < AGREEMENT * abs(deviation) * sample_period_s:
             break
     raise ControllerError(
         f"a sample of the controller lasts {measured_s * 1e6:.3f} us, "

@@ -121,8 +121,12 @@ def test_976_microseconds_are_not_a_1024th_of_a_second() -> None:
         check(Clock(976e-6, 976e-6, 976e-6, 976e-6))
 
 
-def test_a_millisecond_is_refused_at_once() -> None:
-    clock = Clock(0.001)
+def test_a_millisecond_is_refused_as_soon_as_it_is_measured_twice() -> None:
+    clock = Clock(0.001, 0.00100001)
     with pytest.raises(ControllerError, match="sample_period_s"):
         check(clock)
-    assert len(clock.watched_s) == 1
+    assert len(clock.watched_s) == 2
+
+
+def test_late_replies_do_not_make_a_clock_wrong() -> None:
+    assert check(Clock(1 / 1024 * 1.02, 1 / 1024 * 0.993, 1 / 1024)) == pytest.approx(1 / 1024)
