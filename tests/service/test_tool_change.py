@@ -66,5 +66,8 @@ def test_two_tools_are_planned_and_changed_in_one_run(client: httpx.Client, smal
     run = ended(client, place)
     assert run["state"] == "completed", run
     assert run["figures"]["as_run_rms_nm"] == pytest.approx(plan["summary"]["executed_rms_nm"], abs=0.05)
-    for name in ("run.h5", "residual.npz", "residuals.png"):
+    links = set(run["links"]) - {"self"}
+    assert links == {"run.h5", "run.tool1.h5", "run.tool2.h5", "residual.npz", "residuals.png"}
+    for name in links:
         assert client.get(f"{place}/files/{name}").status_code == 200
+    assert client.get(f"{place}/files/plan.h5").status_code == 404

@@ -13,14 +13,14 @@ from ibfctl.surface.map import SurfaceMap
 from support.small_job import small_height_nm
 
 
-def two_tools() -> PlanSequence:
+def two_tools(wide_nm_s: float = 12.0, narrow_nm_s: float = 12.0) -> PlanSequence:
     machine = read_machine(shipped_machine("simulator"))
     tools = [
         Tool(
-            gaussian(fwhm_mm, 12.0, 1.25 * fwhm_mm, 0.25),
+            gaussian(fwhm_mm, peak_nm_s, 1.25 * fwhm_mm, 0.25),
             machine,
             PlanOptions(pitch_mm=pitch_mm, step_mm=pitch_mm, loop=False),
         )
-        for fwhm_mm, pitch_mm in ((3.0, 1.5), (1.6, 0.8))
+        for fwhm_mm, pitch_mm, peak_nm_s in ((3.0, 1.5, wide_nm_s), (1.6, 0.8, narrow_nm_s))
     ]
     return plan_sequence(SurfaceMap.centred(small_height_nm(), 0.25), tools)

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ibfctl.client.records import Recovered, Run
 
 run_argument: Decorator = click.argument("identity", metavar="[ID]", required=False)
-_FILES = ("run.h5", "residual.npz", "residuals.png")
 
 
 @click.group(name="runs")
@@ -136,13 +135,12 @@ def interlock(client: Client, name: str, value: float, identity: str | None, as_
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the run's files.")
 @with_client
 def report(client: Client, identity: str, out: Path | None, as_json: bool) -> None:
-    """Show what a run has left, and write its files: the run, the residual as table and picture."""
+    """Show what a run has left, and write its files: the run, that of each tool, the residual as table and picture."""
     run = client.runs.show(identity)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        for name in _FILES:
-            if name in run["links"]:
-                client.runs.download(identity, name, out / name)
+        for name in run["links"].keys() - {"self"}:
+            client.runs.download(identity, name, out / name)
     _show(run, as_json)
 
 

@@ -95,7 +95,7 @@ def split(plan_file: Path, as_json: bool) -> None:
 @command.command()
 @click.argument("plan_file", metavar="PLAN.h5", type=click.Path(path_type=Path))
 @click.argument("runs", metavar="RUN.h5...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--done", type=click.IntRange(min=1), help="How many tools have run; default: as many as run files.")
+@click.option("--done", type=click.IntRange(min=1), help="How many tools are through; default: one for each run.")
 @output_option("later.h5")
 @json_option
 def replan(plan_file: Path, runs: tuple[Path, ...], done: int | None, output: Path, as_json: bool) -> None:

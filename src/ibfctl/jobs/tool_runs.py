@@ -13,7 +13,7 @@ from ibfctl.jobs.plan_files import hashed
 from ibfctl.planning.file import read_plans, read_sequence, write_plan, write_sequence
 from ibfctl.planning.sequence import PlanSequence
 from ibfctl.planning.several import replan_later
-from ibfctl.runs.run_file import read_as_run
+from ibfctl.runs.run_file import completed_one_tool, read_as_run
 
 
 def beside(path: Path, mark: str) -> Path:
@@ -50,17 +50,24 @@ def replan_tools_file(
     runs
         Run files of the earlier tools: all that have removed anything, an interrupted one and the one of its rest too.
     done
-        How many tools have run; as many as there are files by default.
+        How many tools have run; by default as many as there are files, which must all be of completed runs then.
 
     Raises
     ------
     InputError, LimitsError, SolverError, CancelledError
-        As `replan_later` does, or if a run file shows no removal; nothing is written then.
+        As `replan_later` does, if a run file shows no removal, or if it is not said how many tools are done where
+        that cannot be counted; nothing is written then.
     """
     sequence = read_sequence(plan_file)
     removed_nm = np.zeros(sequence.surface.height_nm.shape)
     inputs = dict(sequence.inputs)
     for number, run in enumerate(runs, 1):
+        if done is None and not completed_one_tool(run):
+            raise InputError(
+                f"run file {run}: not the completed run of one tool",
+                "finish that tool first (`ibfctl replan`), then give the files of all runs, and say with --done how "
+                "many tools are through",
+            )
         as_run = read_as_run(run)
         if as_run is None or as_run.removal_nm.shape != removed_nm.shape:
             raise InputError(f"run file {run}: shows no removal on the map of {plan_file}", "give runs of its tools")

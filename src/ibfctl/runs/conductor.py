@@ -173,6 +173,8 @@ class _Run:
         if lost and state is RunState.FAULTED:  # nothing has moved since the seam: it can be taken up there again
             state = RunState.INTERRUPTED
         told = {"code": error.code, "reason": error.message, "hint": error.hint, "place": self._place()}
+        if self.rig.gate is not None:
+            told["gate"] = self.rig.gate
         if state in (RunState.FAULTED, RunState.INTERRUPTED):
             self._report("fault", {"code": error.code, "message": error.message, "hint": error.hint, **told})
         self._enter(state, told)

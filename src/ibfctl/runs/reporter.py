@@ -45,11 +45,11 @@ class RunReporter:
         Parameters
         ----------
         kind
-            ``state`` (with ``state``, and ``reason`` and ``hint`` where there are any), ``progress`` (fields of the
-            status; recorded once a second, with all places of the tool since), ``act``, ``fault``, ``interlock``,
-            ``tool`` (what follows is of this one of several), or ``leg``: before it begins, with ``first_plan_sample``
-            and ``open_at``, and when it is over, with ``end``, ``open_plan_samples`` and ``uncertainty_samples`` as
-            well.
+            ``state`` (with ``state``, and ``reason``, ``hint``, ``gate`` where there are any), ``progress`` (fields
+            of the status; recorded once a second, with all places of the tool since), ``act``, ``fault``,
+            ``interlock``, ``tool`` (what follows is of this one of several), or ``leg``: before it begins, with
+            ``first_plan_sample`` and ``open_at``, and when it is over, with ``end``, ``open_plan_samples`` and
+            ``uncertainty_samples`` as well.
         data
             What happened.
         key
@@ -93,7 +93,8 @@ class RunReporter:
             check(self.state, new)
             self.state = new
             self._journal.record("state", data, key)
-        self._status.tell(state=new, **{name: data.get(name) for name in ("code", "reason", "hint")})
+        gate = {"gate": data["gate"]} if "gate" in data else {}
+        self._status.tell(state=new, **gate, **{name: data.get(name) for name in ("code", "reason", "hint")})
 
     @property
     def at_rest(self) -> bool:

@@ -33,6 +33,8 @@ class Rig:
         How long before the last moment, on the host's clock, the sentinel must begin to close the gate.
     guarded
         Set while our guard runs on the controller: then it is told that this host lives.
+    gate
+        What `make_safe` has made of it: `closed`, or `unknown` where it could not be closed; None before.
     """
 
     machine: MachineDescription
@@ -43,6 +45,7 @@ class Rig:
     poll_interval_s: float = 0.05
     reserve_s: float = 0.0
     guarded: threading.Event = field(default_factory=threading.Event)
+    gate: str | None = None
 
     @contextmanager
     def on_guard(self) -> Iterator[None]:
@@ -72,10 +75,12 @@ class Rig:
 
     def make_safe(self) -> str:
         """Close the gate, then stop the axes; return what could not be done, or nothing."""
+        self.gate = "unknown"
         try:
             self.controller.close_gate()
         except ControllerError as error:
             return str(error.message)  # a stop with the beam on would drill a hole; the buffer ends the motion
+        self.gate = "closed"
         try:
             self.controller.stop()
             self.controller.stop_guard()

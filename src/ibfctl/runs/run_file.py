@@ -181,6 +181,18 @@ def read_as_run(path: Path) -> AsRun | None:
         return AsRun(group["removal_nm"][:], group["residual_nm"][:], **figures)
 
 
+def completed_one_tool(path: Path) -> bool:
+    """Return whether a run file is of one tool, whose plan was executed to its end.
+
+    Raises
+    ------
+    InputError
+        If the file is no run file, or was changed since it was written.
+    """
+    with _readable(path) as file:
+        return bool(file.attrs.get("format") == FORMAT and file.attrs["state"] == RunState.COMPLETED)
+
+
 def read_remainder(path: Path) -> Remainder:
     """Read what a run has left of its plan.
 

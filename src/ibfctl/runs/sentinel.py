@@ -15,7 +15,7 @@ from ibfctl.machine.controller import MotionController
 from ibfctl.runs.requests import Requests, When
 
 TICK_S = 0.02
-WHAT_IS_LEFT = "plan what is left from the run file, or measure the part"
+WHAT_IS_LEFT = "plan what is left with `ibfctl replan` from the run file of the tool, or measure the part"
 
 _log = logging.getLogger(__name__)
 

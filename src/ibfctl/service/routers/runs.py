@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
@@ -34,8 +34,7 @@ from ibfctl.service.store import Record, fingerprint_of
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
-RunFile = Literal["run.h5", "residual.npz", "residuals.png"]
-_FILES: tuple[RunFile, ...] = get_args(RunFile)
+_FILES = ("run.h5", "residual.npz", "residuals.png")
 _Text = Annotated[str, Field(min_length=1, max_length=200)]
 _MAY: dict[str, frozenset[RunState]] = {
     "pause": frozenset(state for state in RunState if RunState.PAUSING in TRANSITIONS[state]),
@@ -190,11 +189,13 @@ async def recover_run(identity: Identity, service: Service) -> Record:
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
-async def get_run_file(identity: Identity, name: Annotated[RunFile, FileName], service: Service) -> FileResponse:
-    """Download a file of a run that is over: the run file, or what is left of the error as a table or a picture."""
+async def get_run_file(identity: Identity, name: Annotated[str, FileName], service: Service) -> FileResponse:
+    """Download a file of a run that is over: run files, of every tool too, or what is left as a table or a picture."""
     record = service.runs.read(identity)
     if service.fleet.state(identity) not in AT_REST:
         raise ServiceError(409, f"runs/{identity}: is under way", "wait for its end")
+    if name not in _files_of(service, identity):
+        raise ServiceError(404, f"runs/{identity}: has no file of this name", "its links name those that it has")
     arguments = {
         "plan": str(service.plans.path(record["plan_id"], "plan.h5")),
         "run": str(service.runs.path(identity, "run.h5")),
@@ -215,8 +216,13 @@ def _shown(service: State, record: Record) -> Record:
     identity = record["id"]
     state = service.fleet.state(identity)
     told = service.fleet.status(identity) or record.get("status")
-    shown = linked(service.runs, record, _FILES if "figures" in record else ())
+    shown = linked(service.runs, record, _files_of(service, identity) if "figures" in record else ())
     return {**shown, "state": state, "status": told, "error": error_of(state, told)}
+
+
+def _files_of(service: State, identity: str) -> tuple[str, ...]:
+    """Return the names of a run's files; of several tools each has one of its own, which its rest is planned from."""
+    return (*_FILES, *sorted(path.name for path in service.runs.path(identity, "").glob("run.tool*.h5")))
 
 
 def _pass_on(service: State, identity: str, asking: Holder, act: dict[str, Any]) -> Record:
