@@ -15,7 +15,7 @@ from ibfctl.service.keys import KeyRing, Role
 from ibfctl.service.settings import Settings
 from tests.support.served import PATIENCE_S, serving
 
-MAKES_SENSE = {("POST", "/v1/maps"), ("POST", "/v1/influences"), ("POST", "/v1/machines")}
+MAKES_SENSE = {("POST", f"/v1/{kind}") for kind in ("maps", "influences", "machines", "plan-files")}
 ANYTHING = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
 
 

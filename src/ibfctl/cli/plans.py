@@ -85,6 +85,15 @@ def create(
     _show(plan, as_json)
 
 
+@command.command()
+@click.argument("path", metavar="PLAN.h5", type=click.Path(path_type=Path, dir_okay=False, exists=True))
+@click.option("--machine", metavar="ID", help="Machine that runs it; default: the service's own.")
+@with_client
+def add(client: Client, path: Path, machine: str | None, as_json: bool) -> None:
+    """Bring a plan that was made elsewhere, e.g. that of `ibfctl replan` for the rest of a run."""
+    _show(client.plans.add(path, machine), as_json)
+
+
 @command.command(name="list")
 @with_client
 def list_plans(client: Client, as_json: bool) -> None:

@@ -89,6 +89,11 @@ class Plans(Collection[Plan]):
         tool = {} if influence_id is None else {"influence_id": influence_id}
         return cast(Plan, self._transport.ask("POST", self._place, json={"map_id": map_id, **tool, **options}))
 
+    def add(self, path: str | Path, machine_id: str | None = None) -> Plan:
+        """Upload a plan file that was made elsewhere, e.g. of the rest of a run; the machine runs it."""
+        asked = {} if machine_id is None else {"machine_id": machine_id}
+        return cast(Plan, self._transport.upload("/v1/plan-files", Path(path), asked))
+
     def cancel(self, identity: str) -> Plan:
         """Cancel the planning."""
         return self._act(identity, "cancel")

@@ -16,7 +16,7 @@ _UNITS = {"x": "nm² mm", "y": "nm² mm", "radial": "nm² mm²"}
 _BEFORE, _AFTER = "#b2182b", "#1f3b5c"
 # Below this share of the largest density there is nothing but rounding.
 _FLOOR = 1e-12
-_FEW_DECADES = 2.0
+_FEW = 100.0
 
 
 def draw_spectra(changes: Mapping[str, Change], path: Path) -> None:
@@ -31,7 +31,8 @@ def draw_spectra(changes: Mapping[str, Change], path: Path) -> None:
         axis.set_title(f"PSD {_TITLES[name]}", loc="left", fontsize=10.5)
         axis.set_xlabel("spatial frequency / (1/mm)")
         axis.set_ylabel(f"density / ({_UNITS[name]})")
-        few = np.ptp(np.log10(change.before.frequency_per_mm[1:])) < _FEW_DECADES
+        place = change.before.frequency_per_mm[1:]
+        few = place.size == 0 or place[-1] < _FEW * place[0]
         axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
         axis.xaxis.set_major_formatter("{x:.3g}")
         axis.xaxis.set_minor_formatter(NullFormatter())

@@ -16,7 +16,7 @@ from ibfctl.service.description import describe
 from ibfctl.service.keys import KeyRing
 from ibfctl.service.metrics import Measured, Requests
 from ibfctl.service.requests import refuse_unknown_query
-from ibfctl.service.routers import events, influences, info, machine, machines, maps, plans, runs
+from ibfctl.service.routers import events, influences, info, machine, machines, maps, plan_files, plans, runs
 from ibfctl.service.settings import Settings
 from ibfctl.service.state import State
 
@@ -48,7 +48,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(Audited)
     app.add_middleware(Access, keys=KeyRing(settings.data))
     app.add_middleware(Measured, requests=measured)
-    for module in (maps, influences, machines, plans, runs, machine, events, info):
+    for module in (maps, influences, machines, plans, plan_files, runs, machine, events, info):
         app.include_router(module.router, prefix="/v1")
     app.include_router(machine.everything, prefix="/v1")
     app.include_router(info.health)

@@ -61,6 +61,19 @@ def inspect_influence(arguments: Arguments) -> Arguments:
     }
 
 
+def inspect_plan(arguments: Arguments) -> Arguments:
+    """Read a plan file, of one tool or of several, and return its summary."""
+    from ibfctl.planning.file import read_plans, read_sequence
+
+    path = Path(arguments["path"])
+    plans = read_plans(path)
+    if plans[0].prediction is None or plans[0].surface is None:
+        raise InputError(f"{path}: holds no map, so that nothing is known of its residual", "plan from a map")
+    _refuse_large(plans[0].surface.height_nm.shape, arguments["max_pixels"])
+    made = plans[0] if len(plans) == 1 else read_sequence(path)
+    return {"tools": len(plans), "summary": made.summary()}
+
+
 def plan(arguments: Arguments) -> Arguments:
     """Plan a job, of one tool or of several, and write the plan; return its summary."""
     from ibfctl.jobs.plan_files import plan_files
@@ -196,6 +209,7 @@ def run_files_of(arguments: Arguments) -> Arguments:
 TASKS: dict[str, Callable[[Arguments], Arguments]] = {
     "inspect-map": inspect_map,
     "inspect-influence": inspect_influence,
+    "inspect-plan": inspect_plan,
     "plan": plan,
     "run-report": run_report,
     "recover-run": recover_run,

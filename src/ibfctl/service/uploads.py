@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +27,7 @@ async def store_upload(
     given: dict[str, Any],
     key: str | None,
 ) -> Record:
-    """Store the body of a request, have it read, and return the record of the new resource.
+    """Store a map or an influence function, have it read, and return the record of the new resource.
 
     Parameters
     ----------
@@ -42,22 +43,50 @@ async def store_upload(
     ServiceError
         If the body is too large, or is no readable file of its kind; nothing is kept then.
     """
+    place = "path" if task == "inspect-map" else "spec"
+
+    async def of(path: Path, size: int, sha256: str) -> Record:
+        asked = {**given, place: str(path), "max_pixels": settings.max_map_pixels}
+        figures = await inspect(collection, task, asked, path.name)
+        return {"format": form, "bytes": size, "sha256": sha256, "given": given, "figures": figures}
+
+    return await store_body(request, settings, collection, f"upload.{form}", (form, given), key, of)
+
+
+async def store_body(
+    request: Request,
+    settings: Settings,
+    collection: Collection,
+    name: str,
+    given: Any,
+    key: str | None,
+    of: Callable[[Path, int, str], Awaitable[Record]],
+) -> Record:
+    """Store the body of a request as the file `name` of a new resource, and return its record.
+
+    Parameters
+    ----------
+    given
+        What was given beside the body; the same of both with the same key makes nothing new.
+    of
+        Makes the record of the file, its size and its SHA-256, or refuses it.
+
+    Raises
+    ------
+    ServiceError
+        If the body is too large, or refused; nothing is kept then.
+    """
     identity = collection.create()
-    path = collection.path(identity, f"upload.{form}")
+    path = collection.path(identity, name)
     kept = False
     try:
         size, sha256 = await _receive(request, path, settings.max_upload_bytes)
-        fingerprint = fingerprint_of(form, given, sha256)
+        fingerprint = fingerprint_of(given, sha256)
         async with collection.making(key):
             earlier = collection.recall(key, fingerprint)
             if earlier is not None:
                 return earlier
-            place = "path" if task == "inspect-map" else "spec"
-            asked = {**given, place: str(path), "max_pixels": settings.max_map_pixels}
-            figures = await inspect(collection, task, asked, path.name)
-            record = collection.write(
-                identity, {"format": form, "bytes": size, "sha256": sha256, "given": given, "figures": figures}
-            )
+            record = collection.write(identity, await of(path, size, sha256))
             collection.remember(key, fingerprint, identity)
             kept = True
             return record

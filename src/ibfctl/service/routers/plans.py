@@ -46,19 +46,19 @@ async def start_plan(request: PlanRequest, response: Response, service: Service,
         service.plans.remember(key, fingerprint, identity)
         service.start(_solve(service, identity, arguments))
     response.headers["Location"] = f"/v1/plans/{record['id']}"
-    return _shown(service, record)
+    return shown(service, record)
 
 
 @router.get("", response_model=Page[PlanRecord], response_model_exclude_none=True, responses=refusals())
 async def list_plans(service: Service, limit: Limit = 100, after: After = None) -> dict[str, Any]:
     """List plans."""
-    return page(service.plans, limit, after, lambda record: _shown(service, record))
+    return page(service.plans, limit, after, lambda record: shown(service, record))
 
 
 @router.get("/{identity}", response_model=PlanRecord, response_model_exclude_none=True, responses=refusals(404))
 async def show_plan(identity: Identity, service: Service) -> Record:
     """Show a plan: its state, its progress while it is solved, then the summary or what failed."""
-    return _shown(service, service.plans.read(identity))
+    return shown(service, service.plans.read(identity))
 
 
 @router.post(
@@ -73,7 +73,7 @@ async def cancel_plan(identity: Identity, service: Service) -> Record:
     record = service.plans.read(identity)
     if identity in service.solving:
         service.solving[identity].hang_up()
-    return _shown(service, record)
+    return shown(service, record)
 
 
 @router.get("/{identity}/files/{name}", response_class=FileResponse, responses=refusals(404, 409))
@@ -97,9 +97,10 @@ async def delete_plan(identity: Identity, service: Service) -> None:
     service.plans.delete(identity)
 
 
-def _shown(service: State, record: Record) -> Record:
-    shown = linked(service.plans, record, _files_of(record) if record["state"] == "done" else ())
-    return {**shown, "progress": service.progress.get(record["id"])}
+def shown(service: State, record: Record) -> Record:
+    """Return a plan as a client sees it: with its links, and how far it is."""
+    links = linked(service.plans, record, _files_of(record) if record["state"] == "done" else ())
+    return {**links, "progress": service.progress.get(record["id"])}
 
 
 def _files_of(record: Record) -> tuple[str, ...]:
