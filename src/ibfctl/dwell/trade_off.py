@@ -40,7 +40,7 @@ class Effort:
     """How long to search: iterations on coarse cells to start with, then rounds of steering the price on fine ones."""
 
     starting_iterations: int = 200
-    rounds: int = 24
+    rounds: int = 12
     iterations_per_round: int = 25
 
     @classmethod
