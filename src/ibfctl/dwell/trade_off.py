@@ -44,7 +44,7 @@ class Effort:
     iterations_per_round: int = 25
 
     @classmethod
-    def affordable(cls, problem: DwellProblem, fewest: int = 24) -> Effort:
+    def affordable(cls, problem: DwellProblem, fewest: int = 12) -> Effort:
         """As long as takes about a second, in no fewer rounds than these."""
         size = problem.operator.steps + problem.misfit.mask.size
         return cls(rounds=min(max(_ROUNDS_TIMES_SIZE // size, fewest), _MOST_ROUNDS))
