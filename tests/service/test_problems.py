@@ -58,7 +58,6 @@ def test_requests_that_do_not_fit_name_the_place(client: httpx.Client) -> None:
     found = _problem(client.post("/v1/plans", json={"map_id": "x", "speed": 3}), 422, "bad_request")
     assert "speed" in found["detail"]
     assert "influence_id" in _problem(client.post("/v1/plans", json={"map_id": "x"}), 422, "bad_request")["detail"]
-    assert "speed" in found["detail"]
     aims = {"map_id": "x", "influence_id": "y", "max_time_s": 1, "max_residual_nm": 1}
     assert "exclude each other" in _problem(client.post("/v1/plans", json=aims), 422, "bad_request")["detail"]
     _problem(client.post("/v1/influences"), 422, "refused")

@@ -45,6 +45,7 @@ def test_a_repeated_request_with_a_key_makes_nothing_new(client: httpx.Client, s
     (surface, again), (influence, same) = ([asked.result() for asked in pair] for pair in (maps, formulas))
     assert (again, same) == (surface, influence)
     assert _map(client, small_job, **key) == surface
+    assert _formula(client, **key) == influence
     job = {"map_id": surface["id"], "influence_id": influence["id"], "pitch_mm": 1.0, "step_mm": 1.0}
     places = {client.post("/v1/plans", json=job, headers=key).headers["Location"] for _ in range(2)}
     assert len(places) == 1
